@@ -572,25 +572,37 @@ def test_late_measurements_are_taken_at_their_own_time():
     assert found["t"].tolist() == t[order].tolist()
 
 
-def test_others_use_a_late_row_when_it_arrives(scalar):
-    design, made = scalar
-    path = log("log.csv", ["t", "force", "y", "rx"], made.t - 0.03, made.u, made.y, made.t)
-    found = od.estimate(design, path, columns={"arrival": "rx"})
-    assert found["hat_x"].tolist() == od.estimate(design, of_run(made, "other.csv"))["hat_x"].tolist()
-    assert found.report["stale"] == {"rows": len(made.t), "longest": pytest.approx(0.03)}
-    assert found.report["uncovered"] == len(made.t)
-    assert np.isnan(found["radius_x"]).all()
+def used_at(k, stamps, arrivals, period=0.1):
+    """Row that an observer of a plant in samples uses at sample k: the newest that is known."""
+    return max((stamp, row) for row, stamp in enumerate(stamps) if arrivals[row] <= k * period + 1e-9)
 
 
-def test_radii_end_at_the_first_row_that_is_used_after_its_time(scalar):
+def test_a_plant_in_samples_uses_the_newest_row_that_is_known(scalar, monkeypatch):
+    """Rows come at any time, and out of order; radii end where one is used after its own."""
     design, made = scalar
-    expected = od.estimate(design, of_run(made))
-    late = np.where(np.arange(len(made.t)) == 20, 0.05, 0.0)
-    path = log("late.csv", ["t", "force", "y", "rx"], made.t - late, made.u, made.y, made.t)
+    rng, K = np.random.default_rng(2), len(made.t)
+    delay = np.where((np.arange(K) > 12) & (rng.random(K) < 0.5), rng.uniform(0.01, 0.45, K), 0)
+    order = np.argsort(made.t + delay, kind="stable")
+    t, rx = made.t[order], (made.t + delay)[order]
+    path = log("late.csv", ["t", "force", "y", "rx"], t, made.u[order], made.y[order], rx)
+    N = 1 + math.ceil(max(rx) / 0.1 - 0.01)
+    rows = [used_at(k, t, rx)[1] for k in range(N)]
+    expected = od.estimate(design, log("same.csv", ["t", "force", "y"], np.arange(N) / 10, made.u[order][rows],
+                                       made.y[order][rows]))  # fmt: skip
+    monkeypatch.setattr(table, "BLOCK", 400)
     found = od.estimate(design, path, columns={"arrival": "rx"})
-    assert found["radius_x"][:20].tolist() == expected["radius_x"][:20].tolist()
-    assert np.isnan(found["radius_x"][20:]).all()
+    assert found["t"] == pytest.approx(np.arange(N) / 10)
+    assert found["hat_x"].tolist() == expected["hat_x"].tolist()
+    late = int(np.argmax(t[rows] < np.arange(N) / 10 - 1e-3))
+    assert 12 < late < 20
+    assert found["radius_x"][:late].tolist() == expected["radius_x"][:late].tolist()
+    assert np.isnan(found["radius_x"][late:]).all()
     assert found.report["radius"]["premise"].endswith("up to the first that is used after its time")
+    assert found.report["lost"] == K - len(set(rows)) > 3
+    assert found.report["stale"]["rows"] == (t[rows] < np.arange(N) / 10 - 1e-3).sum()
+    off = log("off.csv", ["t", "force", "y", "rx"], t + 0.002 * (t > 2), made.u[order], made.y[order], rx + 0.002)
+    with pytest.raises(UsageError, match=r"off.csv:.*its time is off its sample"):
+        od.estimate(design, off, columns={"arrival": "rx"})
 
 
 MOVING = """

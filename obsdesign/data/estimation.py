@@ -11,8 +11,9 @@ import numpy as np
 
 from obsdesign.data.innovations import Innovations
 from obsdesign.data.late import Delays, History
-from obsdesign.data.log import Log, Rows
+from obsdesign.data.log import Log
 from obsdesign.data.radius import Radius, radius
+from obsdesign.data.rows import Rows
 from obsdesign.data.runner import Passed, Runner, runner
 from obsdesign.design import Design
 from obsdesign.disk import whole
@@ -164,7 +165,7 @@ class Estimation:
         K = len(passed.estimates)
         rows = Rows(*(part[:K] for part in rows))
         y, fresh = rows.y, self.delays.timely(rows) if not self.late_ones else np.ones(K, dtype=bool)
-        innovations = np.where(rows.unused[:, None], np.nan, y - passed.expected)
+        innovations = np.where(rows.held[:, None], np.nan, y - passed.expected)
         self.innovations.add(innovations)
         self.innovations.measured(y)
         first, self.rows = self.rows, self.rows + K

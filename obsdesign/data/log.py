@@ -3,14 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
+from obsdesign.data.rows import Rows, joined, newest, sampled
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.files.table import Header, Table, filled, not_rising
-from obsdesign.lmi.formula import Array, Float
+from obsdesign.lmi.formula import Float
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 
@@ -21,19 +22,6 @@ ROWS = 200_000  # that are given at once, where they are
 
 
 COUNTED = ("without_time", "moved", "repeated", "rows")
-
-
-class Rows(NamedTuple):
-    """Some rows of a log, in the order in which they are known."""
-
-    t: Float  # (K,), s
-    u: Float  # (K, nu); what is missing is as it was in the row before
-    y: Float  # (K, ny); NaN where it is missing
-    known: Float  # (K,), s: when each row is known; t where the log says nothing of it
-    lines: Array  # (K,), of the file
-    guessed: Array  # (K,), whether some of u was missing
-    truth: Float  # (K, m), of what is known of the plant beside u and y; NaN where it is missing
-    unused: Array  # (K,), whether it came after newer ones: its u and y are those that hold then, not its own
 
 
 def table(path: str) -> Table:
@@ -131,9 +119,15 @@ class Log:
 
     def rows(self) -> Iterator[Rows]:
         """All rows, some at a time; where measurements are used when they arrive, the newest are."""
-        if self.where.arrival and not FAMILIES[self.spec.observer.type].sampled:
+        if not self.where.arrival or FAMILIES[self.spec.observer.type].sampled:
+            return self.risen()
+        if self.spec.period is None:
             return newest(self.risen(), self.where.hold == "first")
-        return self.risen()
+
+        def refuse(said: str, line: int) -> UsageError:
+            return self.table.wrong(said, line, id="OBS811")
+
+        return sampled(self.risen(), float(self.spec.period), APART, refuse)
 
     def risen(self) -> Iterator[Rows]:
         """Rows in the order in which they are known."""
@@ -159,8 +153,8 @@ class Log:
             known = np.fmax(values[:, -1], t) if self.where.arrival else t
             u, y = values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny]
             truth = values[:, 1 + nu + ny : 1 + len(self.signals)]
-            guessed, unused = np.asarray(np.isnan(u).any(axis=1)), np.zeros(len(t), dtype=bool)
-            yield Rows(t, u, y, known, block.lines, guessed, truth, unused)
+            guessed, none = np.asarray(np.isnan(u).any(axis=1)), np.zeros(len(t), dtype=int)
+            yield Rows(t, u, y, known, block.lines, guessed, truth, none > 0, none)
 
     def ordered(self) -> Iterator[Rows]:
         """Rows in order, each instant once, those without one left out."""
@@ -201,8 +195,8 @@ class Log:
     def require_rising(self, rows: Rows, last: float) -> None:
         """Refuse rows that are not each after the one before, or of a plant in samples not a period after it."""
         gaps = np.diff(rows.known, prepend=last)
-        together = bool(self.where.arrival) and self.spec.period is None
-        if len(wrong := np.flatnonzero(~(gaps > 0) & ~(together & (gaps == 0)))):
+        together = (gaps == 0) & bool(self.where.arrival)
+        if len(wrong := np.flatnonzero(~(gaps > 0) & ~together)):
             k = int(wrong[0])
             t, before = rows.known[k], rows.known[k - 1] if k else last
             what = not_rising(t, before)
@@ -212,7 +206,7 @@ class Log:
             )
         if not np.isfinite(gaps[np.isfinite(rows.known)][1:]).all() or np.abs(rows.known).max(initial=0.0) > LATEST:
             raise self.table.wrong(f"a time is beyond {LATEST:g} s", int(rows.lines[-1]), id="OBS811")
-        if self.spec.period is None:
+        if self.spec.period is None or self.where.arrival:
             return
         period = float(self.spec.period)
         if not self.clock:
@@ -226,52 +220,3 @@ class Log:
             said += f", and {late[k]:.3g} s off its sample; rows of this plant are {period:g} s apart"
             said += "; give a row without values where one is missing"
             raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")
-
-
-def newest(blocks: Iterator[Rows], first: bool) -> Iterator[Rows]:
-    """Rows that are used when they arrive: one that was made before a newer one has the u and y that hold then.
-
-    `first`: these go on straight lines from one row that is used to the next, so that others wait for that.
-    """
-    latest, before = -np.inf, list[Rows]()  # time of the newest row; the last that was used, and what waits
-    for rows in blocks:
-        reached = np.fmax.accumulate(np.concatenate([[latest], rows.t]))
-        latest = reached[-1]
-        made = joined([*before, rows._replace(unused=rows.t < reached[:-1])])
-        place = np.flatnonzero(~made.unused)
-        end = int(place[-1]) + 1 if first else len(made.t)
-        found = standing(part_of(made, 0, end), first)
-        yield from nonempty(part_of(found, bool(before), end))
-        before = [part_of(found, place[-1], place[-1] + 1), part_of(made, end, len(made.t))]
-    if before:
-        yield from nonempty(part_of(standing(joined(before), first), 1, None))
-
-
-def standing(rows: Rows, first: bool) -> Rows:
-    """Rows, the first of which is used, with u and y of the others as they hold then."""
-    at, K = np.arange(len(rows.t)), len(rows.t)
-    place = np.maximum.accumulate(np.where(rows.unused, 0, at))
-    if not first:
-        return rows._replace(u=rows.u[place], y=rows.y[place])
-    after = np.minimum.accumulate(np.where(rows.unused, K, at)[::-1])[::-1]
-    after = np.where(after == K, place, after)
-    span = rows.known[after] - rows.known[place]
-    share = ((rows.known - rows.known[place]) / np.where(span > 0, span, 1.0))[:, None]
-    u, y = (part[place] + np.nan_to_num(share * (part[after] - part[place])) for part in (rows.u, rows.y))
-    return rows._replace(u=u, y=y)
-
-
-def joined(parts: Sequence[Rows]) -> Rows:
-    """Rows one after the other."""
-    return Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def part_of(rows: Rows, begin: int, end: int | None) -> Rows:
-    """Rows from one on, up to another."""
-    return Rows(*(column[begin:end] for column in rows))
-
-
-def nonempty(rows: Rows) -> Iterator[Rows]:
-    """Rows, if there are any."""
-    if len(rows.t):
-        yield rows

@@ -18,7 +18,7 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         [("late", f"{report['late']:,} rows came after others that were made later{unused}")] if report["late"] else []
     )
     if stale := report.get("stale"):
-        said = f"{stale['rows']:,} rows are used after their time, by up to {plain(stale['longest'])} s"
+        said = f"{stale['rows']:,} rows, y used up to {plain(stale['longest'])} s after its time, or held on"
         rows.append(("stale", f"{said}; nothing is proved from the first of them on"))
     counts = report.get("repaired", {}).items()
     rows += [("repaired", ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts))] if counts else []
