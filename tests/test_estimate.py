@@ -177,6 +177,23 @@ def test_the_radius_is_the_closed_form_of_its_inequality(scalar):
     assert found["radius_x"] == pytest.approx(np.sqrt(V / P), rel=1e-6)
 
 
+def test_the_radius_of_the_first_row_is_what_is_given():
+    """Two states: sqrt(V) of both weighs each error by all of P, and yet that at the first row is within e0."""
+    text = (
+        SCALAR.replace("states: [x]", "states: [x, v]")
+        .replace("x: 2", "x: 2, v: 0.01")
+        .replace("x0: [2]", "x0: [2, 0]")
+    )
+    text = text.replace(
+        "A: [[0.9]], B: [[0.1, 0]], C: [[1]]", "A: [[0.9, 0.1], [0, 0.8]], B: [[0.1, 0], [0, 0]], C: [[1, 0]]"
+    )
+    text = text.replace("gx: [0.1*force]", "gx: [0.1*force, 0]").replace("rho: 0.8", "rho: 0.9")
+    design = od.solve(loads(text))
+    found = od.estimate(design, of_run(design.simulate()))
+    assert found["radius_x"][0] == 2
+    assert found["radius_v"][0] == 0.01 < found["radius_v"][1]
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [

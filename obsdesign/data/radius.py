@@ -25,7 +25,7 @@ OUTWARD = 1 + 1e-9  # rounding of what is computed in doubles here
 class Radius:
     """Bounds |error| <= reach sqrt(V_k), V_k <= rho^(2 k) V_0 + c |v|^2 (1 - rho^(2 k)) / (1 - rho^2), at row k from 0.
 
-    At rho = 1 V grows by c |v|^2 in each sample.
+    At rho = 1 V grows by c |v|^2 in each sample. The error at row 0 is given, and its bound is this where it is less.
     """
 
     names: tuple[str, ...]  # of estimates
@@ -34,6 +34,7 @@ class Radius:
     rates: Steps
     start: float  # V_0
     v2: float  # |v|^2
+    first: Float  # bounds on the errors at row 0 that are given
     premise: str  # under which they hold
 
     def storage(self, k: Array) -> Float:
@@ -44,7 +45,8 @@ class Radius:
 
     def along(self, k: Array) -> Float:
         """Radii at rows, (K, names)."""
-        return np.asarray(self.storage(k)[:, None] * self.reach)
+        found = self.storage(k)[:, None] * self.reach
+        return np.where(k[:, None] == 0, np.minimum(found, self.first), found)
 
     def of_arguments(self, k: Array) -> Float:
         """Radii of the arguments of f at rows, (K, nq)."""
@@ -72,11 +74,13 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     names = tuple(rows)
     H = np.array([rows[name] for name in names], dtype=object).reshape(len(names), len(states))
     P: Any = guarantee.P  # type: ignore[attr-defined]
-    e0 = guarantee.entering(np.array([float(where.e0[name]) for name in states]))  # type: ignore[attr-defined]
+    given = np.array([float(where.e0[name]) for name in states])
+    e0 = guarantee.entering(given)  # type: ignore[attr-defined]
     reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
     if not np.isfinite([*reach, *of_q]).all():
         return "the estimates hold the noise of y at once"
-    return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec, timed=bool(where.arrival)))
+    first = np.abs(H.astype(float)).reshape(len(names), len(states)) @ given
+    return Radius(names, reach, of_q, rates, largest(P, e0), v2, first, premise(spec, timed=bool(where.arrival)))
 
 
 def largest(P: Exact, e0: Float) -> float:
