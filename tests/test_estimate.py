@@ -2,6 +2,8 @@
 
 import json
 import math
+import os
+import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -808,9 +810,23 @@ def test_rows_that_are_too_far_apart_are_told_before_any_step():
 
 
 def test_what_a_killed_command_left_half_written_is_removed(gains):
+    """By what is written part by part at once; by another command where nobody wrote to it for long.
+
+    The number of a process that runs may be that of an earlier one.
+    """
     Path(".obsdesign-staged-999999999-abc").write_text("half")
     assert run("estimate", gains, "log.csv", "-q").exit_code == 0
     assert not any(name.startswith(".obsdesign") for name in files())
+    mine, others, young = (Path(f".obsdesign-staged-{n}-abc") for n in (os.getpid(), 999999999, 999999998))
+    for path in (mine, others, young):
+        path.write_text("half")
+    for path, age in ((mine, 1e6), (others, 1e6), (young, 10)):
+        os.utime(path, (time.time() - age,) * 2)
+    assert run("simulate", gains, "-o", "run.csv", "-q").exit_code == 0
+    assert [path.exists() for path in (mine, others, young)] == [False, False, True]
+    mine.write_text("of a process that runs")
+    assert run("estimate", gains, "log.csv", "-q").exit_code == 0
+    assert [path.exists() for path in (mine, young)] == [True, False]
 
 
 def test_gains_that_are_not_there_are_told():
