@@ -4,6 +4,7 @@ import json
 import math
 import os
 import time
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -19,6 +20,7 @@ import obsdesign as od
 from obsdesign.data import runner
 from obsdesign.data.innovations import LAGS, Innovations
 from obsdesign.data.interpreted import Interpreted
+from obsdesign.data.radius import radius
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.files import table
 from obsdesign.reading import loads
@@ -299,6 +301,42 @@ def test_a_measurement_that_is_overdue_ends_what_is_proved():
     t = np.cumsum([0.0, *[(T1 + T2) / 2] * 5, 2 * T2, *[(T1 + T2) / 2] * 3])
     found = od.estimate(design, log("log.csv", ["t", *design.spec.plant.outputs], t, np.ones(len(t))))
     assert found["covered"].tolist() == [1.0] * 6 + [0.0] * 4
+
+
+PROPOSITION = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -0.5]], B: [[0], [1]], C: [[1, 0]]}
+observer: {type: sporadic, T1: 0.205, T2: 0.41, decay: 0.05, relaxation: proposition-2, delta: 2, objective: min-gamma,
+           gains: {L: [[1.5], [-0.5]], H: [[-1.5]]}}
+"""
+
+
+@pytest.mark.parametrize("text", ["", pytest.param(PROPOSITION, marks=pytest.mark.slow)], ids=["clock", "proposition"])
+def test_the_truth_is_within_the_radius_where_measurements_come_at_instants(text):
+    """Noise and w as large as they are said to be, at their worst signs; rows without y lie between measurements."""
+    design = od.solve(loads(text)) if text else solved("ferrante2019-oscillator-gap")[1]
+    where = loads("obsdesign: 1\nsystem: {A: [[0, 0], [0, 0]], C: [1, 0]}\nobserver: {type: l2}\n"
+                  "data: {v_sup: 0.2, eta_sup: 0.01, e0: {x1: 1, x2: 0.5}}").data  # fmt: skip
+    design = replace(design, spec=replace(design.spec, data=where))
+    A, B = np.array(design.spec.plant.A, dtype=float), np.array(design.spec.plant.B, dtype=float)[:, 0]
+    rng = np.random.default_rng(4)
+    taken = np.cumsum(rng.uniform(0.205, 0.41, 60)) - 0.205
+    t = np.unique(np.concatenate([[0.0], taken, np.linspace(0.03, taken[-1], 50)]))
+    true = solve_ivp(lambda t, x: A @ x + 0.2 * B * np.sign(np.sin(1.1 * t)), (0, t[-1]), [1.0, 0.5], t_eval=t,
+                     rtol=1e-9, atol=1e-9, max_step=0.05).y.T  # fmt: skip
+    y = np.where(np.isin(t, taken), true[:, 0] + 0.01 * np.sign(rng.normal(size=len(t))), np.nan)
+    found = od.estimate(design, log("log.csv", ["t", "y1"], t, y))
+    assert found.report["uncovered"] == 0
+    shares = [np.abs(true[:, i] - found[f"hat_x{i + 1}"]) / found[f"radius_x{i + 1}"] for i in (0, 1)]
+    assert 0.05 < np.max(shares) <= 1
+    c = design.result["guarantee"]
+    start = c["overshoot"] * math.sqrt(1 + 0.25 + 1) * np.exp(-c["rate"] * t)
+    size = start + 0.2 * c["disturbance"] + 0.01 * c["noise"]
+    assert (found["radius_x2"] <= size * (1 + 1e-6)).all()
+    gap = log("gap.csv", ["t", "y1"], [0, 0.3, 0.75, 0.9], np.zeros(4))
+    assert np.isnan(od.estimate(design, gap)["radius_x2"]).tolist() == [False, False, True, True]
+    assert radius(design, replace(where, eta_sup=None), ("x1",)) == "data: {eta_sup} is not given"
+    assert "measurements come late" in radius(design, replace(where, arrival="rx"), ("x1",))
 
 
 def test_a_claim_for_a_range_of_inputs_has_no_radius():
