@@ -201,9 +201,8 @@ class Log:
             t, before = rows.known[k], rows.known[k - 1] if k else last
             what = not_rising(t, before)
             said = "--repair sorts rows and leaves out those without a time of their own"
-            raise self.table.wrong(
-                f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]), id="OBS811"
-            )
+            also = "rows stand in the order of arrival" if self.where.arrival else "or name the column of their arrival"
+            raise self.table.wrong(f"{what}; {said}; {also}", int(rows.lines[k]), id="OBS811")
         if not np.isfinite(gaps[np.isfinite(rows.known)][1:]).all() or np.abs(rows.known).max(initial=0.0) > LATEST:
             raise self.table.wrong(f"a time is beyond {LATEST:g} s", int(rows.lines[-1]), id="OBS811")
         if self.spec.period is None or self.where.arrival:
