@@ -5,7 +5,6 @@ from typing import cast
 
 import numpy as np
 
-from obsdesign.data.radius import Radius
 from obsdesign.design import Design
 from obsdesign.families.guarantee import ROUNDING, SampledGuarantee
 from obsdesign.lmi.formula import Array, Float
@@ -16,24 +15,19 @@ from obsdesign.stepping.implemented import watched
 class Coverage:
     """Whether rows, which come some at a time, are covered: from the first on that is not, none is."""
 
-    def __init__(self, design: Design, radius: Radius | str, *, late: bool) -> None:
-        self.design, self.radius = design, radius
+    def __init__(self, design: Design, *, late: bool) -> None:
+        self.design = design
         self.late = late  # whether measurements are taken at their own time, whenever they come
-        self.left = False  # whether a row was not covered
+        self.left = self.taken = False  # a row was not covered; whether there was a measurement at an instant
         self.measured: float | None = None  # s, the last measurement at an instant, or the first row
 
-    @property
-    def jumps(self) -> bool:
-        """Whether y is known at instants only."""
-        return bool(self.design.observer.jump)
+    def of(self, t: Float, y: Float, q: Float, spread: Float, fresh: Array) -> Array:
+        """Rows that are covered: t (K,), y (K, ny), arguments q of f in the observer (K, nq), radii of these (K, nq).
 
-    def of(self, t: Float, y: Float, q: Float, at: Array, guessed: Array) -> Array:
-        """Rows that are covered: t (K,), y (K, ny), arguments q of f in the observer (K, nq), numbers of the rows (K,).
-
-        `guessed`: rows in which a known input is missing.
+        `fresh`: rows in which no known input is missing, and whose y is used at its own time.
         """
-        known = ~guessed & np.isfinite(y).all(axis=1)
-        return self.inside(q, at, known, self.timely(t, y)) & self.covers
+        known = fresh & (np.isfinite(y).all(axis=1) | bool(self.design.observer.jump))
+        return self.inside(q, spread, known & self.timely(t, y)) & self.covers
 
     @cached_property
     def covers(self) -> bool:
@@ -43,26 +37,26 @@ class Coverage:
     def timely(self, t: Float, y: Float) -> Array:
         """Rows at which no measurement at instants is overdue, and none came sooner than the guarantee expects."""
         guarantee = self.design.guarantee
-        if guarantee is None or not self.jumps or self.late:
+        if guarantee is None or not self.design.observer.jump or self.late:
             return np.ones(len(t), dtype=bool)
         sampled, kept = cast("SampledGuarantee", guarantee), np.ones(len(t), dtype=bool)
         shortest = sampled.T1 if sampled.ahead is not None else 0.0
-        for k, measured in enumerate(np.asarray(np.isfinite(y).any(axis=1))):
+        for k, found in enumerate(np.isfinite(y).tolist()):
+            measured = any(found)
             gap = float(t[k]) - (self.measured if self.measured is not None else float(t[k]))
-            hasty = measured and self.measured is not None and gap < shortest * (1 - ROUNDING)
-            kept[k] = gap <= sampled.T2 * (1 + ROUNDING) and not hasty
+            hasty = measured and self.taken and gap < shortest * (1 - ROUNDING)
+            kept[k] = gap <= sampled.T2 * (1 + ROUNDING) and not hasty and measured == all(found)
+            self.taken |= measured
             if measured or self.measured is None:
                 self.measured = float(t[k])
         return kept
 
-    def inside(self, q: Float, at: Array, known: Array, timely: Array) -> Array:
+    def inside(self, q: Float, spread: Float, kept: Array) -> Array:
         """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing.
 
         Where radii are told, those of the plant too: within the radius of its argument of that in the observer.
+        `spread`: these radii, (K, nq); `kept`: rows in which nothing is missing or late.
         """
-        kept = known.copy() if not self.jumps else np.ones(len(q), dtype=bool)
-        spread = self.radius.of_arguments(at) if isinstance(self.radius, Radius) else np.zeros((len(q), q.shape[1]))
-        kept &= timely
         for column, low, high in self.limits:
             kept &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
         if self.left:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from obsdesign.data.log import Rows
+from obsdesign.data.rows import Rows
 from obsdesign.lmi.formula import Float
 
 OUTLYING = 1e3  # times the largest of all others: a value that stands out

@@ -12,10 +12,12 @@ import numpy as np
 from obsdesign.data.coverage import Coverage
 from obsdesign.data.escape import cause
 from obsdesign.data.innovations import Innovations
-from obsdesign.data.late import History
-from obsdesign.data.log import REPAIRED, Log, Rows
+from obsdesign.data.late import Delays, History
+from obsdesign.data.log import REPAIRED, Log
 from obsdesign.data.radius import Radius, radius
+from obsdesign.data.rows import Rows
 from obsdesign.data.runner import Passed, Runner, runner
+from obsdesign.data.thinned import Thinned
 from obsdesign.design import Design
 from obsdesign.disk import whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
@@ -25,7 +27,6 @@ from obsdesign.stepping.implemented import implemented
 from obsdesign.trial import Implementation
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
-DRAWN = 6000  # rows of a figure at most
 RTOL = 1e-6  # of estimates between rows, where the spec tells no steps
 MOST = 1_000_000  # steps between two rows
 FINEST = 2**14  # parts of the time between rows, beyond which a spec must tell its steps
@@ -61,9 +62,9 @@ class Estimation:
         self.radius = radius(design, log.where, self.names)
         self.rows = self.missing = self.late = self.lost = self.uncovered = self.contradicted = 0
         self.waited, self.begins_with = 0, tuple[str, ...]()  # rows before the first that has these outputs
-        self.engine = ""
+        self.engine, self.delays = "", Delays()
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
-        self.coverage = Coverage(design, self.radius, late=self.late_ones)
+        self.coverage = Coverage(design, late=self.late_ones)
         self.start: Runner | None = None  # the observer before the first row
 
     @property
@@ -74,7 +75,7 @@ class Estimation:
     @cached_property
     def header(self) -> list[str]:
         """Heads of the columns."""
-        radii = self.radius.names if isinstance(self.radius, Radius) else ()
+        radii = self.radius.names if not isinstance(self.radius, str) else ()
         heads = [[f"hat_{n}" for n in self.names], [f"innov_{y}" for y in self.observer.outputs]]
         return ["t", *heads[0], *heads[1], *(f"radius_{n}" for n in radii), "covered"]
 
@@ -134,7 +135,7 @@ class Estimation:
     @property
     def width(self) -> int:
         """Number of radii."""
-        return len(self.radius.names) if isinstance(self.radius, Radius) else 0
+        return 0 if isinstance(self.radius, str) else len(self.radius.names)
 
     def escaped(self, rows: Rows, count: int) -> UndecidedError:
         """Error after so many rows, with the value that stands out, if one does."""
@@ -203,21 +204,24 @@ class Estimation:
     def part(self, rows: Rows, passed: Passed) -> Part:
         """Rows as they are written, and counted."""
         K = len(passed.estimates)
-        y = rows.y[:K]
-        innovations = y - passed.expected
+        rows = Rows(*(part[:K] for part in rows))
+        y, fresh = rows.y, self.delays.timely(rows) if not self.late_ones else np.ones(K, dtype=bool)
+        innovations = np.where(rows.held[:, None], np.nan, y - passed.expected)
         self.innovations.add(innovations)
         self.innovations.measured(y)
         first, self.rows = self.rows, self.rows + K
         self.missing += int(np.isnan(y).any(axis=1).sum())
-        t = (rows.t if self.late_ones else rows.known)[:K]
-        at = np.arange(first, first + K)
-        covered = self.coverage.of(t, y, passed.arguments, at, rows.guessed[:K])
-        radii = np.full((K, self.width), np.nan)
+        t = rows.t if self.late_ones else rows.known
+        radii, spread = np.zeros((K, 0)), np.zeros(passed.arguments.shape)
+        if not isinstance(self.radius, str):
+            radii, spread = self.radius.along(first, t, np.asarray(np.isfinite(y).any(axis=1)))
+        covered = self.coverage.of(t, y, passed.arguments, spread, ~rows.guessed & fresh)
+        radii = np.where(covered[:, None], radii, np.nan)
         if isinstance(self.radius, Radius):
-            radii = np.where(covered[:, None], self.radius.along(at), np.nan)
-            self.contradicted += int((covered & self.radius.contradicted(innovations, at)).sum())
+            beyond = self.radius.contradicted(innovations, np.arange(first, first + K))
+            self.contradicted += int((covered & beyond).sum())
         self.uncovered += int((~covered).sum())
-        return Part(t, passed.estimates, innovations, radii, covered, rows.truth[:K])
+        return Part(t, passed.estimates, innovations, radii, covered, rows.truth)
 
     def report(self) -> dict[str, Any]:
         """What is said of the log."""
@@ -226,34 +230,19 @@ class Estimation:
         return {
             "rows": self.rows,
             "missing": self.missing,
-            "late": self.late,
-            **({"lost": self.lost} if self.lost else {}),
+            "late": self.late or self.delays.unused,
+            **({"lost": lost} if (lost := self.lost or self.delays.unused) else {}),
+            **self.delays.report(),
             **({"gaps": gaps} if gaps else {}),
             **({"waited": {"rows": self.waited, "for": [*self.begins_with]}} if self.waited else {}),
             "engine": self.engine,
             "step": self.step or None,
             "uncovered": self.uncovered,
             **({"contradicted": self.contradicted} if self.contradicted else {}),
-            "radius": {"premise": self.radius.premise} if isinstance(self.radius, Radius) else {"none": self.radius},
+            "radius": {"premise": self.radius.premise} if not isinstance(self.radius, str) else {"none": self.radius},
             "innovations": self.innovations.report(),
             **({"repaired": told} if told else {}),
         }
-
-
-class Thinned:
-    """Some of the rows of a log, evenly apart, enough for a figure."""
-
-    def __init__(self) -> None:
-        self.rows = np.zeros((0, 0))
-        self.stride, self.seen = 1, 0
-
-    def add(self, table: Float) -> None:
-        """Take rows."""
-        chosen = table[(-self.seen) % self.stride :: self.stride]
-        self.seen += len(table)
-        self.rows = np.vstack([self.rows, chosen]) if self.rows.size else chosen
-        while len(self.rows) > DRAWN:
-            self.rows, self.stride = self.rows[::2], 2 * self.stride
 
 
 @dataclass(frozen=True, repr=False)

@@ -142,7 +142,7 @@ class Interpreted:
         if self.one.regain:
             self.x = f["regain"](self.x, t[0], *self.told(u[0], y[0]))
         slack = ROUNDING + 1e-15 * abs(t[1]) / h  # of a period: what is no step of its own
-        for i in range(max(1, math.ceil(span / h - slack))):
+        for i in range(max(1, math.ceil(span / h - slack)) if span > 0 else 0):
             begin = t[0] + i * h
             left = t[1] - begin
             on = left if left <= h * (1 - slack) else h
