@@ -20,8 +20,8 @@ import numpy as np
 
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.central import DEFINITE, ON_OUTPUTS, ON_STATES, Central, sizes
-from obsdesign.riccati.equation import Equation
-from obsdesign.riccati.form import Eliminated, Form, UnclearError, split
+from obsdesign.riccati.equation import RESIDUAL, Equation
+from obsdesign.riccati.form import CERTAIN, Eliminated, Form, UnclearError, split
 from obsdesign.riccati.least import NEGATIVE, RANGE, STEP, Least
 from obsdesign.riccati.scaled import size_of
 
@@ -39,8 +39,8 @@ def in_time(form: Form) -> Eliminated:
 
     Raises `UnclearError`: an output has no noise, or both signs are near a mode.
     """
-    if len(split(form.D, np.zeros(len(form.D)))[1]):
-        raise UnclearError("an output without noise")
+    if not form.n or len(split(form.D, np.zeros(len(form.D)))[1]):
+        raise UnclearError("no state, or an output without noise")
     known, eye = Eliminated.of(form), np.eye(form.n)
     apart = {sign: float(np.linalg.svd(known.A + sign * eye, compute_uv=False)[-1]) for sign in (1.0, -1.0)}
     sign = max(apart, key=lambda sign: apart[sign])
@@ -155,8 +155,11 @@ def least_peak_of_samples(form: Form, H: Float) -> Least:
     X = largest(in_time(balanced), 1.0)
     if X is None or not above_floor(floor(balanced, 1.0), X) > 0:
         raise UnclearError("no P was found")
-    mu = float(np.linalg.eigvalsh(H * s @ X @ (H * s).T).max(initial=0.0))
-    return Least(mu, mu, 0.0)
+    output = H * s
+    mu = float(np.linalg.eigvalsh(output @ X @ output.T).max(initial=0.0))
+    if mu <= CERTAIN * float(np.linalg.norm(output, 2)) ** 2 * float(np.linalg.norm(X, 2)):
+        raise UnclearError("the least gamma is zero, or too small to be told from it")
+    return Least(mu, mu * (1 - RESIDUAL), 0.0)
 
 
 def least_over_scale(form: Form, weight: float, at: Callable[[Form, float], Least]) -> tuple[Least, Float]:
