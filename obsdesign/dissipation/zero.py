@@ -9,6 +9,7 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_down, round_up, significant
+from obsdesign.dissipation.elimination import gain_above
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS, gain, limit_of, norm, size_of, sized
 from obsdesign.dissipation.inequality import Incremental
@@ -241,8 +242,12 @@ def reached(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -
     strict = family.about.at_rest == "strict" and not family.rate
     if not family.about.pace.sampled or strict:
         return False
-    near = engine.widest(family.witness(gamma * (1 + NEAR)))
-    return near.status is Status.OPTIMAL and norm(near.values, bounds) <= FINITE * sizes(family)[0]
+    level, largest = gamma * (1 + NEAR), FINITE * sizes(family)[0]
+    central = gain_above(engine, family, level)
+    if central is not None:
+        return size_of(central, bounds) <= largest
+    near = engine.widest(family.witness(level))
+    return near.status is Status.OPTIMAL and norm(near.values, bounds) <= largest
 
 
 Noise = Callable[[Array], float | None]  # rms of z for the gains L1, for white noise of density 1 in every output
