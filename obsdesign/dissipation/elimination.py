@@ -1,7 +1,7 @@
 """The inequality (13) of a family as the form that a Riccati equation solves, and what comes of it.
 
 That is for continuous time, L2 given and L1 to be found. Where nonlinearities have one scale each, the least gamma is a
-search over these; of the least peak gain it is done without any.
+search over these.
 """
 
 from collections.abc import Iterator
@@ -15,12 +15,13 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.decimals import significant, square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE, Incremental
-from obsdesign.lmi.formula import Float, in_floats, printed, zeros
+from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed, zeros
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central
 from obsdesign.riccati.form import Form, UnclearError
-from obsdesign.riccati.least import least, least_peak
+from obsdesign.riccati.least import Least, least, least_peak
+from obsdesign.riccati.peak import least_peak_scaled
 from obsdesign.riccati.scaled import least_scaled
 
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
@@ -72,36 +73,46 @@ def least_gamma(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS)
     `family`: in doubles; `bounds`: none but on gamma, or else nothing is told either.
     """
     form = form_of(family) if engine.eliminates and not bounds.restricted else None
-    if form is None or (len(form.Qs) and (family.about.peak or form.n < SEARCHED)):
+    if form is None or (len(form.Qs) and form.n < SEARCHED):
         return None
     key = tuple(part.tobytes() for part in (form.A, form.B, form.C, form.D, form.Qc, form.Qm, form.Qs, family.H))
     if (known := engine.recalled.get(key)) is not None:
         return known
-    scales = None
     try:
-        if len(form.Qs):
-            found, scales = least_scaled(form)
-        else:
-            found = least_peak(form, family.H) if family.about.peak else least(form)
-        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in elsewhere(form, family, scales)):
+        found, values = least_of(form, family)
+        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in elsewhere(form, family, found.mu, values)):
             return None  # doubles do not tell
     except (UnclearError, np.linalg.LinAlgError, ValueError, OverflowError):  # of numbers beyond doubles as well
         return None
     engine.eliminated = True
-    names = (unknown.name for unknown in family.multiplier.unknowns())
-    values = {} if scales is None else {name: scale * ONE for name, scale in zip(names, scales, strict=True)}
     engine.recalled[key] = Answer(Status.OPTIMAL, found.mu, values, gap=found.gap)
     return engine.recalled[key]
 
 
-def elsewhere(form: Form, family: Incremental, scales: Float | None) -> Iterator[float]:
+def least_of(form: Form, family: Incremental) -> tuple[Least, dict[str, Array]]:
+    """Least mu of the form of a family, with scales that have it. Raises `UnclearError`."""
+    peak = family.about.peak
+    if not len(form.Qs):
+        return least_peak(form, family.H) if peak else least(form), {}
+    found, scales = least_peak_scaled(form, family.H) if peak else least_scaled(form)
+    names = (unknown.name for unknown in family.multiplier.unknowns())
+    return found, {name: scale * ONE for name, scale in zip(names, scales, strict=True)}
+
+
+def of_one(family: Incremental, mu: float, values: Values) -> Values:
+    """Scales for mu1 = 1 of those that the solver has for a mu."""
+    mu1 = family.weights(mu * ONE)["mu1"]
+    return {name: scale / mu1 for name, scale in values.items()}
+
+
+def elsewhere(form: Form, family: Incremental, mu: float, values: Values) -> Iterator[float]:
     """The same least mu in other coordinates: of an ill-conditioned form it comes out another."""
+    if values:
+        form = form.scaled(np.array([scale.item() for scale in of_one(family, mu, values).values()]))
     form, s = form.balanced()
     for seed in range(TURNS):
         R = np.linalg.qr(np.random.default_rng(seed).normal(size=(form.n, form.n))).Q
         turned = form.turned(R)
-        if scales is not None:
-            turned = turned.scaled(scales)
         yield (least_peak(turned, family.H * s @ R.T) if family.about.peak else least(turned)).mu
 
 
@@ -127,10 +138,10 @@ def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bo
     """
     scales = {}
     if family.multiplier.unknowns():
-        least = least_gamma(engine, in_floats(family))
-        if least is None:
+        known = least_gamma(engine, in_floats(family))
+        if known is None:
             return None
-        scales = rounded(least.values, OF_SCALES)
+        scales = rounded(of_one(family, known.objective, known.values), OF_SCALES)
     level = printed(gamma)
     mu = square_below(level)
     for found in central_gains(family, gamma, np.array([float(scale.item()) for scale in scales.values()])):

@@ -164,7 +164,10 @@ def least_peak(form: Form, H: Float) -> Least:
     output = H @ N * s
     found: list[float] = []
     for share in PEAK_SHARES:
-        point = Search(Eliminated.of(reached(balanced, share)), reduced.n).at(1.0)
+        search = Search(Eliminated.of(reached(balanced, share)), reduced.n)
+        if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
+            search.refer(far)
+        point = search.at(1.0)
         if not point.solved or point.X is None or not point.equation.solved_by(point.X):
             raise UnclearError("no P was found")
         found.append(float(np.linalg.eigvalsh(output @ point.X @ output.T).max(initial=0.0)))

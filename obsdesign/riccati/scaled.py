@@ -98,6 +98,11 @@ class Scales:
             self.best = Best(scales, inside.mu, signal)
         return True
 
+    def step(self, scales: Float, level: float) -> None:  # noqa: ARG002 - a level, where mu is not free
+        """Look at scales that may have a level."""
+        assert self.best
+        self.look(scales, self.best.mu)
+
     def lower(self) -> float:
         """Least mu that the cuts allow at any scales."""
         from scipy.optimize import linprog
@@ -186,6 +191,11 @@ def searched(form: Form, share: float, known: Best | None) -> Best:
     search = Scales(reached(form, share), form.n)
     if known is None or not search.look(known.scales, known.mu * ABOVE):
         begin(search, form)
+    return closed(search)
+
+
+def closed(search: Scales) -> Best:
+    """The best scales once nothing is left between them and the lower bound. Raises `UnclearError`: something is."""
     assert search.best
     lower, last = 0.0, None
     for _ in range(STEPS):
@@ -193,11 +203,11 @@ def searched(form: Form, share: float, known: Best | None) -> Best:
         if search.best.mu <= lower * (1 + ENOUGH):
             return replace(search.best, lower=lower)
         levels = (lower + share * (search.best.mu - lower) for share in LEVELS)
-        scales = next((near for level in levels if (near := search.nearest(level)) is not None), None)
-        if scales is None or (last is not None and np.allclose(scales, last, rtol=SAME, atol=0)):
+        found = next(((near, level) for level in levels if (near := search.nearest(level)) is not None), None)
+        if found is None or (last is not None and np.allclose(found[0], last, rtol=SAME, atol=0)):
             break
-        search.look(scales, search.best.mu)
-        last = scales
+        search.step(*found)
+        last = found[0]
     raise UnclearError("the search over the scales of the multipliers ended with a gap")
 
 
