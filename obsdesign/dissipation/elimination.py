@@ -1,10 +1,10 @@
 """The inequality (13) of a family as the form that a Riccati equation solves, and what comes of it.
 
-That is for continuous time, L2 given and L1 to be found. Where nonlinearities have one scale each, the least gamma is a
-search over these.
+That is for continuous time and L2 given; L1 may be given or is to be found. Where nonlinearities have one scale each,
+the least gamma is a search over these.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed, zeros
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
-from obsdesign.riccati.central import Central, central
+from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
 from obsdesign.riccati.least import Least, least, least_peak
 from obsdesign.riccati.peak import least_peak_scaled
@@ -29,6 +29,8 @@ DIGITS = (6, 8, 12)  # of a shipped gain
 OF_P, OF_SCALES = (12, 15, 17), 8  # of its witness
 LARGE = 12  # order from which the smallest gain takes longer to find than it is worth
 TURNS = 3  # coordinates in which a limit must be the same
+NEAR = 1e-6  # relative, of mu
+AMPLE = 1e6  # times the scale with which f weighs what z does, where there is no v
 SAME = 2e-5  # relative, of mu
 SEARCHED = 8  # order from which the scales of multipliers are found faster so than by inequalities
 
@@ -39,10 +41,10 @@ def form_of(family: Incremental) -> Form | None:
     Q is read off the inequality of the family itself, at P = 0 and Y = 0.
     """
     p = family.plant
-    if family.about.pace.sampled or family.L1 is not None or family.L2 is None or not p.B.shape[1]:
+    if family.about.pace.sampled or family.L2 is None:
         return None
     scales = [unknown.name for unknown in family.multiplier.unknowns() if unknown.shape == (1, 1)]
-    if len(scales) < len(family.auxiliary):  # further unknowns are in no such form
+    if scales != [unknown.name for unknown in family.auxiliary]:  # further unknowns are in no such form
         return None
     nothing = {"P": zeros((p.n, p.n), [p.A]), "Y": zeros(p.C.mT.shape, [p.C]), **dict.fromkeys(scales, 0 * ONE)}
 
@@ -54,6 +56,7 @@ def form_of(family: Incremental) -> Form | None:
     Qs = np.array([supply(0.0, **{name: ONE}) - Qc for name in scales]).reshape(-1, *Qc.shape)
     B, D = np.hstack([p.Bf, -p.B]), np.hstack([p.Df, -p.D])
     form = Form(p.A + family.loss / 2 * np.eye(p.n), B, p.C, D, Qc, supply(1.0) - Qc, Qs)
+    form = form if family.L1 is None else form.injected(family.L1)
     return form if separate(form, p.Bf.shape[1]) else None
 
 
@@ -72,21 +75,46 @@ def least_gamma(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS)
 
     `family`: in doubles; `bounds`: none but on gamma, or else nothing is told either.
     """
-    form = form_of(family) if engine.eliminates and not bounds.restricted else None
+    disturbed = bool(family.plant.B.shape[1])
+    form = form_of(family) if disturbed and engine.eliminates and not bounds.restricted else None
     if form is None or (len(form.Qs) and form.n < SEARCHED):
         return None
     key = tuple(part.tobytes() for part in (form.A, form.B, form.C, form.D, form.Qc, form.Qm, form.Qs, family.H))
     if (known := engine.recalled.get(key)) is not None:
         return known
+    made = told(lambda: least_of(form, family), lambda mu, values: elsewhere(form, family, mu, values))
+    if made is not None:
+        engine.eliminated, engine.recalled[key] = True, made
+    return made
+
+
+def told(
+    find: Callable[[], tuple[Least, dict[str, Array]]], again: Callable[[float, Values], Iterable[float]]
+) -> Answer | None:
+    """Least mu with its gap where it is the same in other coordinates; None where doubles do not tell."""
     try:
-        found, values = least_of(form, family)
-        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in elsewhere(form, family, found.mu, values)):
-            return None  # doubles do not tell
+        found, values = find()
+        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in again(found.mu, values)):
+            return None
     except (UnclearError, np.linalg.LinAlgError, ValueError, OverflowError):  # of numbers beyond doubles as well
         return None
-    engine.eliminated = True
-    engine.recalled[key] = Answer(Status.OPTIMAL, found.mu, values, gap=found.gap)
-    return engine.recalled[key]
+    return Answer(Status.OPTIMAL, found.mu, values, gap=found.gap)
+
+
+def least_supply(engine: Engine, form: Form) -> Answer | None:
+    """Least mu of a form without scales, with its gap and a P; None where Riccati equations do not tell.
+
+    P is that of the balanced form whose outputs have noise, just above the least mu: singular where P -> 0 limits mu.
+    """
+
+    def found() -> tuple[Least, dict[str, Array]]:
+        known = least(form)
+        P = None if not known.mu else storage(form, known.mu * (1 + NEAR))
+        return known, {} if P is None else {"P": P}
+
+    made = told(found, lambda *_: (least(other).mu for other in turned(form))) if engine.eliminates else None
+    engine.eliminated = engine.eliminated or made is not None
+    return made
 
 
 def least_of(form: Form, family: Incremental) -> tuple[Least, dict[str, Array]]:
@@ -109,15 +137,27 @@ def elsewhere(form: Form, family: Incremental, mu: float, values: Values) -> Ite
     """The same least mu in other coordinates: of an ill-conditioned form it comes out another."""
     if values:
         form = form.scaled(np.array([scale.item() for scale in of_one(family, mu, values).values()]))
-    form, s = form.balanced()
-    for seed in range(TURNS):
-        R = np.linalg.qr(np.random.default_rng(seed).normal(size=(form.n, form.n))).Q
-        turned = form.turned(R)
-        yield (least_peak(turned, family.H * s @ R.T) if family.about.peak else least(turned)).mu
+    _, s = form.balanced()
+    for other, R in zip(turned(form), turns(form.n), strict=True):
+        yield (least_peak(other, family.H * s @ R.T) if family.about.peak else least(other)).mu
+
+
+def turns(n: int) -> Iterator[Float]:
+    """Orthogonal coordinates in which a limit must be the same."""
+    return (np.linalg.qr(np.random.default_rng(seed).normal(size=(n, n))).Q for seed in range(TURNS))
+
+
+def turned(form: Form) -> Iterator[Form]:
+    """Form in other coordinates."""
+    balanced, _ = form.balanced()
+    return (balanced.turned(R) for R in turns(form.n))
 
 
 def central_gains(family: Incremental, gamma: float, scales: Float) -> Iterator[Central]:
-    """Central gains that reach gamma for given scales, for a family whose form has one, and P for mu1 = 1."""
+    """Central gains that reach gamma for given scales, for a family whose form has one, and P for mu1 = 1.
+
+    Without v any gamma will do.
+    """
     fixed = in_floats(family)
     form = form_of(fixed)
     if form is None:
@@ -136,12 +176,9 @@ def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bo
 
     `family`: in rationals, its scales those of the least gamma; `bounds`: of the spec on P and on the poles.
     """
-    scales = {}
-    if family.multiplier.unknowns():
-        known = least_gamma(engine, in_floats(family))
-        if known is None:
-            return None
-        scales = rounded(of_one(family, known.objective, known.values), OF_SCALES)
+    scales = scales_of(engine, family)
+    if scales is None:
+        return None
     level = printed(gamma)
     mu = square_below(level)
     for found in central_gains(family, gamma, np.array([float(scale.item()) for scale in scales.values()])):
@@ -149,6 +186,46 @@ def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bo
             values = {**rounded({"P": found.P}, of_P), **scales}
             candidate = replace(family, L1=printed(significant(found.L, digits)))
             certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
+            if certificate.holds:
+                return certificate
+    return None
+
+
+def scales_of(engine: Engine, family: Incremental) -> dict[str, Array] | None:
+    """Scales of the least gamma, for mu1 = 1 and in rationals; None where Riccati equations do not tell."""
+    names = [unknown.name for unknown in family.multiplier.unknowns()]
+    if not names:
+        return {}
+    fixed = in_floats(family)
+    if len(names) == 1 and not fixed.plant.B.shape[1]:  # P and the scale may be so large that z does not matter
+        form = form_of(fixed)
+        return None if form is None else rounded({names[0]: ONE * (AMPLE * form.weight or 1.0)}, OF_SCALES)
+    known = least_gamma(engine, fixed)
+    return None if known is None else rounded(of_one(fixed, known.objective, known.values), OF_SCALES)
+
+
+def proved_given(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
+    """Certificate that the gain of a large plant reaches gamma; None where no equation gives one.
+
+    `family`: in rationals, with L1; `bounds`: of the spec on P and on the poles.
+    """
+    scales = scales_of(engine, family) if engine.eliminates and not bounds.restricted else None
+    fixed = in_floats(family)
+    form = None if scales is None else form_of(fixed)
+    if scales is None or form is None:
+        return None
+    of_form = np.array([float(scale.item()) for scale in scales.values()])
+    form = form.scaled(of_form)
+    level, peak = printed(gamma), fixed.about.peak
+    mu = square_below(level)
+    size = 1.0 if peak else gamma**2 if fixed.plant.B.shape[1] else of_form.max(initial=1.0)
+
+    def reaches(X: Float) -> bool:
+        return not peak or float(np.linalg.eigvalsh(fixed.H @ X @ fixed.H.T)[-1]) <= gamma**2
+
+    for P in storages(form, size, reaches):
+        for digits in OF_P:
+            certificate = certify(family, level, fmpq(1), mu, {**rounded({"P": P}, digits), **scales}, bounds)
             if certificate.holds:
                 return certificate
     return None

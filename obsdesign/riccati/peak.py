@@ -13,7 +13,7 @@ from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import dying
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
 from obsdesign.riccati.least import BELIEVED, PEAK_SHARES, Least, Search, least_peak, reached
-from obsdesign.riccati.scaled import GRID, Best, Scales, closed
+from obsdesign.riccati.scaled import GRID, Best, Scales, closed, sought
 
 BACK = (1.0, 0.5, 0.25, 0.1, 0.01)  # shares of the way from the best scales to those that the cuts allow
 
@@ -65,6 +65,8 @@ class PeakScales(Scales):
         for factor in sorted(GRID, key=lambda factor: abs(np.log(factor))):
             if self.best is None or self.allowed(factor * unit * self.best.mu) < self.best.mu:
                 self.of_one(factor * unit)
+        if self.best is None:
+            sought(self, unit, 1.0, self.of_one)
         if self.best is None:
             raise UnclearError("no scales with a solution were found")
 
