@@ -8,7 +8,7 @@ import pytest
 from support.rods import beam, chain, heat, random_family
 
 import obsdesign as od
-from obsdesign.dissipation import elimination, gain
+from obsdesign.dissipation import gain
 from obsdesign.dissipation.elimination import form_of, least_gamma, least_of
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.request import posed
@@ -126,17 +126,40 @@ def test_a_design_of_a_large_plant_is_proved(told, known):
     assert any("the gain is the central one" in note for note in made.notes)
 
 
-def test_what_the_search_does_not_find_the_inequalities_decide(monkeypatch):
-    """No common scale has a solution here, and other scales have some."""
-    monkeypatch.setattr(elimination, "SEARCHED", 2)
+def test_what_the_search_does_not_find_the_inequalities_decide():
+    """No scales have a solution, or doubles do not tell."""
     found = {}
     for seed in range(7):
         family = random_family(seed)
-        if least_gamma(Engine(), family) is None:
+        if least_gamma(Engine(), family, smallest=0) is None:
             answer = gain.within(Engine(), family)
             assert answer.gap is None
             found[answer.status] = seed
     assert found
+
+
+BEARING = {0.1: 2.29891e-4, 0.71: 2.345855e-4, 9.9: 3.28207e-4, 12: 1e-2}
+
+
+@pytest.mark.parametrize(("alpha", "known"), BEARING.items())
+def test_monotone_blocks_have_their_limit(alpha, known):
+    """By another program, and by matrix inequalities but for alpha = 12, where these are wrong."""
+    family = replace(in_floats(posed(od.load("specs/corless2019-magnetic-bearing.yaml"))), rate=alpha)
+    assert form_of(family) is None
+    answer = least_gamma(Engine(), family, smallest=0)
+    assert answer.objective == pytest.approx(known, rel=2e-5)
+    assert answer.gap < 1e-5
+    assert least_gamma(Engine(), family) is None
+
+
+def test_a_damper_of_an_unknown_law_has_its_limit():
+    """By another program; whatever the number of masses."""
+    text = chain(8)
+    at = np.eye(8)[4]
+    head, tail = text[: text.index("nonlinearities:")], text[text.index("observer:") :]
+    block = f"nonlinearities:\n  - {{Bf: {(-0.5 * at).tolist()}, Cq: {[at.tolist()]}, type: monotone}}\n"
+    answer = least_gamma(Engine(), in_doubles(head + block + tail))
+    assert math.sqrt(answer.objective) == pytest.approx(50 / 9, rel=1e-6)
 
 
 def test_types_without_a_scale_each_and_small_plants_are_left_to_the_inequalities():

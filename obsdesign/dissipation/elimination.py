@@ -21,6 +21,7 @@ from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
 from obsdesign.riccati.least import Least, least, least_peak
+from obsdesign.riccati.passive import Passive, reduced
 from obsdesign.riccati.peak import least_peak_scaled
 from obsdesign.riccati.scaled import least_scaled
 
@@ -36,7 +37,22 @@ SEARCHED = 8  # order from which the scales of multipliers are found faster so t
 
 
 def form_of(family: Incremental) -> Form | None:
-    """Form of a family in doubles; None where it is none that a Riccati equation solves.
+    """Form of a family in doubles; None where it is none that a Riccati equation solves."""
+    form = inequality_of(family)
+    return form if form and separate(form, family.plant.Bf.shape[1]) else None
+
+
+def monotone_form(family: Incremental) -> Passive | None:
+    """What is left of a family where some f are known to be monotone only; None where it is no such family.
+
+    Raises `UnclearError`: doubles do not tell.
+    """
+    form = None if family.about.peak or family.L1 is not None else inequality_of(family)
+    return None if form is None else reduced(form, family.plant.Bf.shape[1])
+
+
+def inequality_of(family: Incremental) -> Form | None:
+    """Inequality (13) of a family in doubles; None where it has further unknowns, L2 is free, or time is discrete.
 
     Q is read off the inequality of the family itself, at P = 0 and Y = 0.
     """
@@ -56,8 +72,7 @@ def form_of(family: Incremental) -> Form | None:
     Qs = np.array([supply(0.0, **{name: ONE}) - Qc for name in scales]).reshape(-1, *Qc.shape)
     B, D = np.hstack([p.Bf, -p.B]), np.hstack([p.Df, -p.D])
     form = Form(p.A + family.loss / 2 * np.eye(p.n), B, p.C, D, Qc, supply(1.0) - Qc, Qs)
-    form = form if family.L1 is None else form.injected(family.L1)
-    return form if separate(form, p.Bf.shape[1]) else None
+    return form if family.L1 is None else form.injected(family.L1)
 
 
 def separate(form: Form, nf: int) -> bool:
@@ -70,22 +85,40 @@ def separate(form: Form, nf: int) -> bool:
     return negative and (not nf or bool(np.linalg.eigvalsh(parts.sum(axis=0))[-1] < 0))
 
 
-def least_gamma(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer | None:
+def least_gamma(
+    engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS, *, smallest: int = SEARCHED
+) -> Answer | None:
     """Least gamma^2 over all gains by Riccati equations, with its relative gap; None where they do not tell.
 
-    `family`: in doubles; `bounds`: none but on gamma, or else nothing is told either.
+    `family`: in doubles; `bounds`: none but on gamma, or else nothing is told either; `smallest`: order from which
+    scales are searched.
     """
     disturbed = bool(family.plant.B.shape[1])
-    form = form_of(family) if disturbed and engine.eliminates and not bounds.restricted else None
-    if form is None or (len(form.Qs) and form.n < SEARCHED):
+    whole = inequality_of(family) if disturbed and engine.eliminates and not bounds.restricted else None
+    if whole is None or (len(whole.Qs) and whole.n < smallest):
         return None
-    key = tuple(part.tobytes() for part in (form.A, form.B, form.C, form.D, form.Qc, form.Qm, form.Qs, family.H))
-    if (known := engine.recalled.get(key)) is not None:
-        return known
+    key = tuple(part.tobytes() for part in (*vars(whole).values(), family.H))
+    if key in engine.recalled:
+        return engine.recalled[key]
+    try:
+        form, passive = form_of(family), None
+        if form is None and (passive := monotone_form(family)):
+            form = passive.form
+    except (UnclearError, np.linalg.LinAlgError):
+        return None
+    if form is None:
+        return None
     made = told(lambda: least_of(form, family), lambda mu, values: elsewhere(form, family, mu, values))
+    if made and passive and not passive.negative(array(made.values), made.objective * (1 + SAME)):
+        return None
     if made is not None:
         engine.eliminated, engine.recalled[key] = True, made
     return made
+
+
+def array(values: Values) -> Float:
+    """Scales one beside the other, (k,)."""
+    return np.array([float(scale.item()) for scale in values.values()])
 
 
 def told(
@@ -136,7 +169,7 @@ def of_one(family: Incremental, mu: float, values: Values) -> Values:
 def elsewhere(form: Form, family: Incremental, mu: float, values: Values) -> Iterator[float]:
     """The same least mu in other coordinates: of an ill-conditioned form it comes out another."""
     if values:
-        form = form.scaled(np.array([scale.item() for scale in of_one(family, mu, values).values()]))
+        form = form.scaled(array(of_one(family, mu, values)))
     _, s = form.balanced()
     for other, R in zip(turned(form), turns(form.n), strict=True):
         yield (least_peak(other, family.H * s @ R.T) if family.about.peak else least(other)).mu
@@ -181,7 +214,7 @@ def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bo
         return None
     level = printed(gamma)
     mu = square_below(level)
-    for found in central_gains(family, gamma, np.array([float(scale.item()) for scale in scales.values()])):
+    for found in central_gains(family, gamma, array(scales)):
         for digits, of_P in zip(DIGITS, OF_P, strict=True):
             values = {**rounded({"P": found.P}, of_P), **scales}
             candidate = replace(family, L1=printed(significant(found.L, digits)))
@@ -214,7 +247,7 @@ def proved_given(engine: Engine, family: Incremental, gamma: float, bounds: Boun
     form = None if scales is None else form_of(fixed)
     if scales is None or form is None:
         return None
-    of_form = np.array([float(scale.item()) for scale in scales.values()])
+    of_form = array(scales)
     form = form.scaled(of_form)
     level, peak = printed(gamma), fixed.about.peak
     mu = square_below(level)

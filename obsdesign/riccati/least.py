@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.lmi.formula import Float
-from obsdesign.riccati.equation import SILENT, Equation, Signal, Subspace, dying, periodic
+from obsdesign.riccati.equation import SILENT, Equation, FastError, Signal, Subspace, dying, fast, periodic
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
 
 SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
@@ -56,7 +56,7 @@ class Point:
     """What is known at one mu."""
 
     mu: float
-    equation: Equation
+    equation: Equation | None  # None: the form is not negative for the fastest of signals
     space: Subspace | None  # None: on the axis
     X: Float | None
     level: float  # 1 / (largest eigenvalue of R^-1 X R^-T) > 0; < 0: there is no solution; -inf: on the axis
@@ -77,7 +77,10 @@ class Search:
 
     def at(self, mu: float) -> Point:
         """Solve the equation at a mu and hold it against the reference, if there is one."""
-        equation = Equation.of(self.form, mu)
+        try:
+            equation = Equation.of(self.form, mu)
+        except FastError:
+            return Point(mu, None, None, None, -math.inf)
         space = equation.subspace()
         none = Point(mu, equation, None, None, -math.inf)
         if space is None:
@@ -118,6 +121,8 @@ class Search:
 
     def signal(self, point: Point) -> Signal:
         """Signal that bounds mu from below: of a frequency on the axis, or else dying out where X is largest."""
+        if point.equation is None:
+            return fast(self.form, point.mu, self.noises)
         if point.space is not None and point.c is not None:
             return dying(self.form, point.equation, point.space, point.c, self.noises)
         signals = [periodic(self.form, omega, point.mu, self.noises) for omega in point.equation.frequencies()]
@@ -168,7 +173,7 @@ def least_peak(form: Form, H: Float) -> Least:
         if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
             search.refer(far)
         point = search.at(1.0)
-        if not point.solved or point.X is None or not point.equation.solved_by(point.X):
+        if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
             raise UnclearError("no P was found")
         found.append(float(np.linalg.eigvalsh(output @ point.X @ output.T).max(initial=0.0)))
     noisier, mu = found

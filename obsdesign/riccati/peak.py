@@ -38,7 +38,7 @@ class PeakScales(Scales):
         """Least mu in the direction of the scales for mu = 1, kept where it is the best; else what they break."""
         search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
         point = search.at(1.0)
-        if not point.solved or point.X is None or point.space is None:
+        if not point.solved or point.X is None or point.space is None or point.equation is None:
             self.cut(search.signal(point), scales)
             return False
         values, vectors = np.linalg.eigh(self.output @ point.X @ self.output.T)
