@@ -109,7 +109,10 @@ def scales(A: Float, G: Float, Q: Float) -> Float:
     n = len(A)
     M = np.abs(np.block([[A.T, Q], [G, A]]))
     np.fill_diagonal(M, 0.0)
-    _, (scale, _) = matrix_balance(M, separate=True, permute=False)
+    with np.errstate(invalid="ignore"):
+        _, (scale, _) = matrix_balance(M, separate=True, permute=False)
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        raise UnclearError("numbers of the plant are too far from each other")
     half = np.rint(np.log2(scale[n:] / scale[:n]) / 2)
     return np.asarray(np.exp2(half))
 

@@ -252,14 +252,14 @@ def close(search: Search, noisier: Least) -> tuple[Point, Point]:
     raise UnclearError("the least gamma is not clear in double precision")
 
 
-def narrowed(search: Search, inside: Point, outside: Point) -> tuple[Point, Signal]:
-    """Point with a solution within `CLOSE` of the edge, and the signal of the best lower bound that was met.
+def narrowed(search: Search, inside: Point, outside: Point, near: float = CLOSE) -> tuple[Point, Signal]:
+    """Point with a solution relatively near to the edge, and the signal of the best lower bound that was met.
 
     A point without a solution gives a lower bound, by Newton's method for the level or by the frequencies on the axis,
     and the next point is just above it: the bounds climb to the edge, and one point with a solution ends it.
     Raises `UnclearError`: a bound is above a mu that has a solution.
     """
-    best, step = SILENT, CLOSE
+    best, step = SILENT, near
     for _ in range(ROUNDS):
         found = search.signal(outside)
         if found.bound > inside.mu * (1 + NOISE):
@@ -267,7 +267,7 @@ def narrowed(search: Search, inside: Point, outside: Point) -> tuple[Point, Sign
         best = max(best, found, key=lambda signal: signal.bound)
         if inside.mu <= max(best.bound, outside.mu) * (1 + step):
             break
-        if found.bound <= outside.mu * (1 + CLOSE):
+        if found.bound <= outside.mu * (1 + near):
             step *= WIDER
             mu = outside.mu * (1 + step) if best.bound > 0 and step < NOISE else math.sqrt(outside.mu * inside.mu)
         else:

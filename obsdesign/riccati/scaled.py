@@ -28,6 +28,7 @@ WIDE = 1e8  # .. and from the best to the lower bound
 ENOUGH = 1e-5  # relative gap of mu at which the search ends
 SAME = 1e-9  # .. to which scales are no others
 STEPS = 80
+STALLED, SLOW = 10, 0.9  # steps after which the gap must be so much smaller
 SOUGHT = 30  # scales, where no common one has a solution
 
 
@@ -96,7 +97,7 @@ class Scales:
             outside = search.at(inside.mu / FAR)
             if outside.mu < cap * 1e-20:
                 raise ZeroError("the least gamma is zero, or too small to be told from it")
-        inside, signal = narrowed(search, inside, outside)
+        inside, signal = narrowed(search, inside, outside, ENOUGH / 30)
         self.cut(signal, scales)
         if self.best is None or inside.mu < self.best.mu:
             self.best = Best(scales, inside.mu, signal)
@@ -216,10 +217,14 @@ def closed(search: Scales) -> Best:
     """The best scales once nothing is left between them and the lower bound. Raises `UnclearError`: something is."""
     assert search.best
     lower, last = 0.0, None
+    gaps: list[float] = []
     for _ in range(STEPS):
         lower = max(lower, min(search.lower(), search.best.mu))
         if search.best.mu <= lower * (1 + ENOUGH):
             return replace(search.best, lower=lower)
+        gaps.append(search.best.mu - lower)
+        if len(gaps) > STALLED and gaps[-1] > SLOW * gaps[-1 - STALLED]:
+            break
         levels = (lower + share * (search.best.mu - lower) for share in LEVELS)
         found = next(((near, level) for level in levels if (near := search.nearest(level)) is not None), None)
         if found is None or (last is not None and np.allclose(found[0], last, rtol=SAME, atol=0)):
