@@ -17,7 +17,9 @@ from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, wi
 
 SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
 UNSEEN = 2e-8  # relative: what that noise may add to mu before less of it is tried
-PEAK_SHARES = (1e-4, 1e-5)
+QUIET = 1e-2  # rate at which that noise and the noise of the outputs move the error, of the rates of the plant
+FAINT = (1e-8, 1e-10)  # .. where the noise of the outputs is small as well
+PEAK_SHARES = ((1e-4, 1e-5), (1e-7, 1e-8), (1e-10, 1e-11))
 STEP = 16.0  # of mu, down from where there is a solution
 FAR = 256.0  # .. whose X is the first reference
 RANGE = 1e24  # of mu: beyond it nothing is looked for
@@ -48,7 +50,7 @@ class Least:
 
     def agrees(self, noisier: "Least") -> bool:
         """Whether it is what is left of a least mu with more noise when most of that is gone."""
-        return noisier.mu * (1 - 2 * noisier.added) <= self.mu <= noisier.mu
+        return noisier.mu * (1 - 2 * noisier.added - NOISE) <= self.mu <= noisier.mu * (1 + NOISE)
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,10 @@ def least(form: Form) -> Least:
         return Least(0.0, 0.0, 0.0)
     balanced, _ = reduced.balanced()
     found: Least | None = None
-    for share in SHARES:
+    used = SHARES[0]
+    for share in (*SHARES, *FAINT):
+        if share in FAINT and found and quiet(balanced, used):
+            break
         try:
             closer = of_noisy(balanced, share, found)
         except ZeroError:
@@ -148,11 +153,12 @@ def least(form: Form) -> Least:
             unclear = error
             continue
         if found is None or closer.agrees(found):
-            found = closer
-        if found.added <= UNSEEN or found is not closer:
+            found, used = closer, share
+        if (found.added <= UNSEEN and quiet(balanced, share)) or found is not closer:
             break
     if found is None:
         raise unclear
+    require_quiet(balanced, used)
     return found
 
 
@@ -168,7 +174,7 @@ def least_peak(form: Form, H: Float) -> Least:
     balanced, s = reduced.balanced()
     output = H @ N * s
     found: list[float] = []
-    for share in PEAK_SHARES:
+    for share in peak_shares(balanced):
         search = Search(Eliminated.of(reached(balanced, share)), reduced.n)
         if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
             search.refer(far)
@@ -207,6 +213,31 @@ def reached(form: Form, share: float) -> Form:
     supplied = np.diag(form.Qm)[form.n :] < 0
     size = np.linalg.norm(form.B[:, supplied], 2) or 1.0
     return form.noisy(np.full(form.n, share * size), np.zeros(len(form.C)))
+
+
+def quiet(form: Form, share: float) -> bool:
+    """Whether a noise on every state moves the error by far less than the noise of the outputs does.
+
+    Beyond that mu does not depend on it any more, to first order, and still is another than without it.
+    """
+    supplied = np.diag(form.Qm)[form.n :] < 0
+    seen = np.linalg.norm(np.linalg.pinv(form.D) @ form.C, 2) if len(form.D) else 0.0
+    return bool(share * np.linalg.norm(form.B[:, supplied], 2) * seen <= QUIET * np.linalg.norm(form.A, 2))
+
+
+def peak_shares(form: Form) -> tuple[float, float]:
+    """Sizes of the noise on the states with which a peak is found. Raises `UnclearError`: none is small enough."""
+    found = next((shares for shares in PEAK_SHARES if quiet(form, shares[-1])), None)
+    if found is None:
+        require_quiet(form, PEAK_SHARES[-1][-1])
+    assert found
+    return found
+
+
+def require_quiet(form: Form, share: float) -> None:
+    """Refuse a least mu that may be that of the noise on the states. Raises `UnclearError`."""
+    if not quiet(form, share):
+        raise UnclearError("the noise of the outputs is too small beside what acts on the states")
 
 
 def first(search: Search) -> Point:

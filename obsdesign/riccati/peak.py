@@ -12,7 +12,7 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import dying
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
-from obsdesign.riccati.least import BELIEVED, PEAK_SHARES, Least, Search, least_peak, reached
+from obsdesign.riccati.least import BELIEVED, Least, Search, least_peak, peak_shares, reached
 from obsdesign.riccati.scaled import GRID, Best, Scales, closed, sought
 
 BACK = (1.0, 0.5, 0.25, 0.1, 0.01)  # shares of the way from the best scales to those that the cuts allow
@@ -78,7 +78,7 @@ def least_peak_scaled(form: Form, H: Float) -> tuple[Least, Float]:
         raise UnclearError("the least gamma is zero, or attained at no scales")
     balanced, s = reduced.balanced()
     output = H @ N * s
-    search = PeakScales(reached(balanced, PEAK_SHARES[-1]), reduced.n, output)
+    search = PeakScales(reached(balanced, peak_shares(balanced)[-1]), reduced.n, output)
     search.begin()
     best = closed(search)
     alone = least_peak(balanced.scaled(best.scales / best.mu), output)

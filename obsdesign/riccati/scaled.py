@@ -15,7 +15,18 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import Signal
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
-from obsdesign.riccati.least import ABOVE, BELIEVED, FAR, Least, Search, least, narrowed, reached
+from obsdesign.riccati.least import (
+    ABOVE,
+    BELIEVED,
+    FAR,
+    Least,
+    Search,
+    least,
+    narrowed,
+    quiet,
+    reached,
+    require_quiet,
+)
 
 SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,))  # of the size of v: noise on every state; downwards, or else more of it
 UNSEEN = 1e-5  # relative: what that noise may add to mu before less of it is tried
@@ -183,9 +194,11 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
             except UnclearError as error:
                 unclear = error
                 break
-            if found.signal.apart <= UNSEEN:
+            used = share
+            if found.signal.apart <= UNSEEN and quiet(balanced, share):
                 break
         if found:
+            require_quiet(balanced, used)
             return alone(balanced, found)
     raise unclear
 
