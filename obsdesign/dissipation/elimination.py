@@ -1,9 +1,10 @@
 """The inequality (13) of a family as the form that a Riccati equation solves, and what comes of it.
 
-That is for continuous time and L2 given; L1 may be given or is to be found. Where nonlinearities have one scale each,
-the least gamma is a search over these.
+That is for L2 given; in continuous time L1 may be given or is to be found. Where nonlinearities have one scale each,
+the least gamma is a search over these; of samples there is one at most, and L1 is to be found.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
@@ -23,6 +24,13 @@ from obsdesign.riccati.form import Form, UnclearError
 from obsdesign.riccati.least import Least, least, least_peak
 from obsdesign.riccati.passive import Passive, reduced
 from obsdesign.riccati.peak import least_peak_scaled
+from obsdesign.riccati.samples import (
+    central_of_samples,
+    gain_near,
+    least_of_samples,
+    least_over_scale,
+    least_peak_of_samples,
+)
 from obsdesign.riccati.scaled import least_scaled
 
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
@@ -47,32 +55,42 @@ def monotone_form(family: Incremental) -> Passive | None:
 
     Raises `UnclearError`: doubles do not tell.
     """
-    form = None if family.about.peak or family.L1 is not None else inequality_of(family)
+    other = family.about.peak or family.about.pace.sampled or family.L1 is not None
+    form = None if other else inequality_of(family)
     return None if form is None else reduced(form, family.plant.Bf.shape[1])
 
 
 def inequality_of(family: Incremental) -> Form | None:
-    """Inequality (13) of a family in doubles; None where it has further unknowns, L2 is free, or time is discrete.
+    """Inequality (13) of a family in doubles; None where it has further unknowns or L2 is free.
 
     Q is read off the inequality of the family itself, at P = 0 and Y = 0.
     """
     p = family.plant
-    if family.about.pace.sampled or family.L2 is None:
+    rho, sampled = per_step(family), family.about.pace.sampled
+    if not rho or family.L2 is None or (sampled and (family.L1 is not None or not p.B.shape[1])):
         return None
     scales = [unknown.name for unknown in family.multiplier.unknowns() if unknown.shape == (1, 1)]
     if scales != [unknown.name for unknown in family.auxiliary]:  # further unknowns are in no such form
         return None
+    rows = family.residual.shape[1]
     nothing = {"P": zeros((p.n, p.n), [p.A]), "Y": zeros(p.C.mT.shape, [p.C]), **dict.fromkeys(scales, 0 * ONE)}
 
     def supply(mu: float, **given: Float) -> Float:
         values = {**nothing, **given, **family.weights(mu * ONE)}
-        return np.asarray(family.theorem(values)[0].matrix, dtype=float)
+        Q = np.asarray(family.theorem(values)[0].matrix, dtype=float)
+        return Q[:rows, :rows]  # without V+ of samples
 
     Qc = supply(0.0)
     Qs = np.array([supply(0.0, **{name: ONE}) - Qc for name in scales]).reshape(-1, *Qc.shape)
     B, D = np.hstack([p.Bf, -p.B]), np.hstack([p.Df, -p.D])
-    form = Form(p.A + family.loss / 2 * np.eye(p.n), B, p.C, D, Qc, supply(1.0) - Qc, Qs)
+    A = p.A / rho if sampled else p.A + family.loss / 2 * np.eye(p.n)
+    form = Form(A, B / rho, p.C, D, Qc, supply(1.0) - Qc, Qs)
     return form if family.L1 is None else form.injected(family.L1)
+
+
+def per_step(family: Incremental) -> float:
+    """Rho of samples, by which their form is divided, and rho^2 P is its P; else 1."""
+    return 1 - float(family.rate) if family.about.pace.sampled else 1.0
 
 
 def separate(form: Form, nf: int) -> bool:
@@ -85,6 +103,19 @@ def separate(form: Form, nf: int) -> bool:
     return negative and (not nf or bool(np.linalg.eigvalsh(parts.sum(axis=0))[-1] < 0))
 
 
+def solvable(engine: Engine, family: Incremental, smallest: int = SEARCHED) -> Form | None:
+    """Inequality of a family in doubles whose least gamma Riccati equations may find, and quicker than inequalities do.
+
+    `smallest`: order from which scales are searched.
+    """
+    disturbed, sampled = bool(family.plant.B.shape[1]), family.about.pace.sampled
+    form = inequality_of(family) if disturbed and engine.eliminates else None
+    if form is None or not len(form.Qs):
+        return form
+    least_order = SEARCHED if sampled else smallest
+    return None if (sampled and len(form.Qs) > 1) or form.n < least_order else form
+
+
 def least_gamma(
     engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS, *, smallest: int = SEARCHED
 ) -> Answer | None:
@@ -93,9 +124,8 @@ def least_gamma(
     `family`: in doubles; `bounds`: none but on gamma, or else nothing is told either; `smallest`: order from which
     scales are searched.
     """
-    disturbed = bool(family.plant.B.shape[1])
-    whole = inequality_of(family) if disturbed and engine.eliminates and not bounds.restricted else None
-    if whole is None or (len(whole.Qs) and whole.n < smallest):
+    whole = None if bounds.restricted else solvable(engine, family, smallest)
+    if whole is None:
         return None
     key = tuple(part.tobytes() for part in (*vars(whole).values(), family.H))
     if key in engine.recalled:
@@ -152,16 +182,20 @@ def least_supply(engine: Engine, form: Form) -> Answer | None:
 
 def least_of(form: Form, family: Incremental) -> tuple[Least, dict[str, Array]]:
     """Least mu of the form of a family, with scales that have it. Raises `UnclearError`."""
-    peak = family.about.peak
     if not len(form.Qs):
-        return least_peak(form, family.H) if peak else least(form), {}
-    found, scales = least_peak_scaled(form, family.H) if peak else least_scaled(form)
+        return unscaled(form, family), {}
+    if family.about.pace.sampled:
+        found, scales = least_over_scale_of(form, family)
+    else:
+        found, scales = least_peak_scaled(form, family.H) if family.about.peak else least_scaled(form)
     names = (unknown.name for unknown in family.multiplier.unknowns())
     return found, {name: scale * ONE for name, scale in zip(names, scales, strict=True)}
 
 
 def of_one(family: Incremental, mu: float, values: Values) -> Values:
-    """Scales for mu1 = 1 of those that the solver has for a mu."""
+    """Scales for mu1 = 1 of those of a least mu; of samples they are that already."""
+    if family.about.pace.sampled:
+        return values
     mu1 = family.weights(mu * ONE)["mu1"]
     return {name: scale / mu1 for name, scale in values.items()}
 
@@ -172,7 +206,27 @@ def elsewhere(form: Form, family: Incremental, mu: float, values: Values) -> Ite
         form = form.scaled(array(of_one(family, mu, values)))
     _, s = form.balanced()
     for other, R in zip(turned(form), turns(form.n), strict=True):
-        yield (least_peak(other, family.H * s @ R.T) if family.about.peak else least(other)).mu
+        yield unscaled(other, family, family.H * s @ R.T if family.about.peak else None, mu).mu
+
+
+def least_over_scale_of(form: Form, family: Incremental) -> tuple[Least, Float]:
+    """Least mu of samples over the one scale of a family, and that scale. Raises `UnclearError`."""
+    weight = float(np.linalg.norm(per_step(family) * family.H, 2)) ** 2
+    return least_over_scale(form, weight, lambda scaled, cap: unscaled(scaled, family, cap=cap))
+
+
+def unscaled(
+    form: Form, family: Incremental, H: Float | None = None, known: float | None = None, cap: float = math.inf
+) -> Least:
+    """Least mu of the form of a family without scales. Raises `UnclearError`.
+
+    `H`: of z, in the coordinates of the form; None: that of the family; `known`: what it is in others; `cap`: of
+    samples, what it has to be below.
+    """
+    output = per_step(family) * (family.H if H is None else H)
+    if family.about.pace.sampled:
+        return least_peak_of_samples(form, output) if family.about.peak else least_of_samples(form, known, cap)
+    return least_peak(form, output) if family.about.peak else least(form)
 
 
 def turns(n: int) -> Iterator[Float]:
@@ -196,12 +250,30 @@ def central_gains(family: Incremental, gamma: float, scales: Float) -> Iterator[
     if form is None:
         return
     form = form.scaled(scales)
-    level = (gamma * (1 - ROOM)) ** 2
+    level, rho = (gamma * (1 - ROOM)) ** 2, per_step(fixed)
+    output = rho * fixed.H
 
     def reaches(X: Float) -> bool:
-        return not fixed.about.peak or float(np.linalg.eigvalsh(fixed.H @ X @ fixed.H.T)[-1]) <= level
+        return not fixed.about.peak or float(np.linalg.eigvalsh(output @ X @ output.T)[-1]) <= level
 
-    yield from central(form, float(fixed.rate), 1.0 if fixed.about.peak else level, reaches)
+    mu = 1.0 if fixed.about.peak else level
+    if not fixed.about.pace.sampled:
+        yield from central(form, float(fixed.rate), mu, reaches)
+        return
+    yield from (Central(rho * one.L, one.P / rho**2) for one in central_of_samples(form, mu, reaches))
+
+
+def gain_above(engine: Engine, family: Incremental, gamma: float) -> Float | None:
+    """Gain L1 for a gamma that is little above the least, of samples, in doubles; None where no equation tells.
+
+    `family`: in doubles.
+    """
+    form = solvable(engine, family) if family.about.pace.sampled else None
+    known = None if form is None else least_gamma(engine, family)
+    if form is None or known is None:
+        return None
+    found = gain_near(form.scaled(array(known.values)), 1.0 if family.about.peak else gamma**2)
+    return None if found is None else per_step(family) * found
 
 
 def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
