@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.rods import RODS, family, random_plant, rod, rod_spec
+from support.rods import RODS, almost_exact, family, random_plant, rod, rod_spec
 
 import obsdesign as od
 from obsdesign.dissipation import gain
@@ -278,3 +278,31 @@ def test_nothing_is_told_of_a_form_whose_limit_depends_on_its_coordinates(A, B, 
     spec = od.Spec(system=system, observer={"type": "l2", "alpha": alpha})
     found = least_gamma(Engine("clarabel"), in_floats(posed(spec)))
     assert found is None or found.objective == pytest.approx(gamma**2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("seed", "gamma"),
+    [(23, 8.458575831e-6), (53, 5.151314026e-6), (86, 1.045695472e-6), (105, 2.885955192e-6), (181, 1.052490861e-7)],
+)
+def test_a_limit_is_not_that_of_the_noise_that_is_added_to_the_states(seed, gamma):
+    """By the same equation in 80 digits; outputs have so little noise that a noise of 1e-6 on the states sets it."""
+    found = least_gamma(Engine(), almost_exact(seed))
+    assert found is None or math.sqrt(found.objective) == pytest.approx(gamma, rel=1e-4)
+
+
+@pytest.mark.parametrize(("seed", "gamma"), [(12, 1.494459225e-3), (50, 3.525444126e-4), (122, 9.552321963e-4)])
+def test_a_peak_through_almost_exact_outputs_is_right(seed, gamma):
+    """By the same equation in 80 digits; the inequalities are 1e-4 and more above it."""
+    found = least_gamma(Engine(), almost_exact(seed))
+    assert math.sqrt(found.objective) == pytest.approx(gamma, rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.sweep
+def test_limits_through_almost_exact_outputs_are_those_of_the_inequalities():
+    for seed in range(200):
+        problem = almost_exact(seed)
+        found = least_gamma(Engine(), problem)
+        answer = None if found is None else Engine().minimise(problem.least_gamma())
+        if answer and answer.status is Status.OPTIMAL:
+            assert math.sqrt(found.objective) == pytest.approx(math.sqrt(answer.objective), rel=5e-4), seed

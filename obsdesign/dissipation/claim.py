@@ -7,6 +7,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.decimals import round_up, square_below
+from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_given
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.lmi.formula import Values, in_floats, printed, rational
@@ -25,6 +26,8 @@ def claim(
 
     `bounds`: those on P and on the poles.
     """
+    if family.plant.n >= LARGE and (known := proved_given(engine, family, gamma, bounds)):
+        return known
     problem = in_floats(family).witness(gamma, bounds)
     wide = engine.widest(problem, start)
     if wide.objective <= MARGIN and start is not None:
@@ -57,7 +60,13 @@ def best_claim(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) 
 
     `bounds`: those on the poles.
     """
-    least = engine.minimise(in_floats(family).least_gamma(bounds))
+    known = least_gamma(engine, in_floats(family), bounds) if family.plant.n >= LARGE else None
+    if known:
+        levels = (round_up(math.sqrt(known.objective) * (1 + backoff), 6) for backoff in BACKOFFS)
+        tried = (proved_given(engine, family, level, bounds) for level in levels)
+        if certificate := next((made for made in tried if made), None):
+            return known.status, certificate
+    least = known or engine.minimise(in_floats(family).least_gamma(bounds))
     if least.status is not Status.OPTIMAL:
         return least.status, None
     root = math.sqrt(max(least.objective, 0.0)) or 1e-9

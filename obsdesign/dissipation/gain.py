@@ -12,7 +12,7 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_up, significant
-from obsdesign.dissipation.elimination import least_gamma
+from obsdesign.dissipation.elimination import SEARCHED, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import edge, strides
@@ -47,9 +47,16 @@ def least(engine: Engine, family: Incremental) -> Solve:
 
 
 def within(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
-    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell."""
+    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell.
+
+    These are asked of small plants as well where inequalities leave it undecided.
+    """
     known = least_gamma(engine, family, bounds)
-    return known if known is not None else bounded(least(engine, family), bounds)
+    if known is not None:
+        return known
+    answer = bounded(least(engine, family), bounds)
+    undecided = answer.status is Status.UNDECIDED and family.plant.n < SEARCHED
+    return (undecided and least_gamma(engine, family, bounds, smallest=0)) or answer
 
 
 def bounded(solve: Solve, bounds: Bounds) -> Answer:

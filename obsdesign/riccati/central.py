@@ -11,10 +11,11 @@ import numpy as np
 
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import Equation
-from obsdesign.riccati.form import Eliminated, Form, UnclearError
+from obsdesign.riccati.form import Eliminated, Form, UnclearError, without_exact_outputs
 
 FASTER = 0.01  # of the decay rate: room
 ON_STATES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)  # noise on every state, of the size of v in balanced units
+FOR_GIVEN = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # .. where the gain is given
 FIRST = 1e-3  # .. with which that on the outputs is chosen
 ON_OUTPUTS = tuple(10 ** (k / 2) for k in range(-8, 9))  # of the noise of an output, or of the size of v in it
 COSTLY = 1.03  # factor of |L| that a noise on the states may cost
@@ -71,18 +72,50 @@ def solution(form: Form, mu: float, fits: Callable[[Float], bool]) -> Central | 
     try:
         if np.linalg.matrix_rank(form.D) < len(form.D):
             return None
-        space = Equation.of(Eliminated.of(form), mu).subspace()
-        X = None if space is None else space.X
-        if X is None or not np.isfinite(X).all() or not (np.diag(X) > 0).all():
+        found = stored(form, mu, fits)
+        if found is None:
             return None
-        d = np.sqrt(np.diag(X))
-        values, vectors = np.linalg.eigh(X / np.outer(d, d))
-        if values[0] <= DEFINITE or not fits(X):
-            return None
-        inner = vectors / np.sqrt(values) / d[:, None]
+        X, P = found
         W, S = -Q[n:, n:], Q[:n, n:]
         back = np.linalg.solve(W, form.D.T)
         L = -np.linalg.solve(form.D @ back, (X @ form.C.T + (form.B + X @ S) @ back).T).T
     except (np.linalg.LinAlgError, UnclearError):
         return None
-    return Central(np.asarray(L), np.asarray(inner @ inner.T)) if np.isfinite(L).all() else None
+    return Central(np.asarray(L), P) if np.isfinite(L).all() else None
+
+
+def stored(form: Form, mu: float, fits: Callable[[Float], bool]) -> tuple[Float, Float] | None:
+    """X and P = X^-1 of a form; None where there is none that fits."""
+    space = Equation.of(Eliminated.of(form), mu).subspace()
+    X = None if space is None else space.X
+    if X is None or not np.isfinite(X).all() or not (np.diag(X) > 0).all():
+        return None
+    d = np.sqrt(np.diag(X))
+    values, vectors = np.linalg.eigh(X / np.outer(d, d))
+    if values[0] <= DEFINITE or not fits(X):
+        return None
+    inner = vectors / np.sqrt(values) / d[:, None]
+    return X, np.asarray(inner @ inner.T)
+
+
+def storage(form: Form, mu: float) -> Float | None:
+    """Largest P of a form for a mu, balanced and without the outputs that have no noise; None where it is singular."""
+    reduced, _ = without_exact_outputs(form)
+    if not reduced.n:
+        return None
+    found = stored(reduced.balanced()[0], mu, lambda _: True)
+    return found and found[1]
+
+
+def storages(form: Form, mu: float, fits: Callable[[Float], bool]) -> Iterator[Float]:
+    """P of a form without outputs for a mu above the least, those with more room first."""
+    balanced, s = form.balanced()
+    acts, _ = sizes(balanced)
+    for share in FOR_GIVEN:
+        noisy = balanced.noisy(np.full(form.n, share * acts), np.zeros(0))
+        try:
+            found = stored(noisy, mu, lambda X: fits(X * np.outer(s, s)))
+        except (np.linalg.LinAlgError, UnclearError):
+            continue
+        if found is not None:
+            yield found[1] / np.outer(s, s)

@@ -21,6 +21,10 @@ RESIDUAL = 1e-8  # of the terms of the equation
 LAGRANGIAN = 1e-6  # of Z1' Z2 - Z2' Z1, which is zero unless eigenvalues on the axis were torn apart
 
 
+class FastError(UnclearError):
+    """The form is not negative for the fastest of signals: there is no solution."""
+
+
 @dataclass(frozen=True)
 class Subspace:
     """Stable subspace of H, for states scaled by `s`: H [Z1; Z2] = [Z1; Z2] T with x = s * Z2 .., costate Z1 / s."""
@@ -48,13 +52,13 @@ class Equation:
 
     @classmethod
     def of(cls, form: Eliminated, mu: float) -> "Equation":
-        """Eliminate w. Raises `UnclearError`: W is not positive."""
+        """Eliminate w. Raises `FastError`: W is not positive."""
         n, Q = len(form.A), form.Qc + mu * form.Qm
         W, across = -Q[n:, n:], Q[n:, :n]
         try:
             L = np.linalg.cholesky(W)
         except np.linalg.LinAlgError:
-            raise UnclearError("the supply of the disturbances is not positive") from None
+            raise FastError("the supply of the disturbances is not positive") from None
         inner, cross = np.linalg.solve(L, form.B.T), np.linalg.solve(L, across)
         back = np.linalg.solve(L.T, np.hstack([cross, inner]))
         return cls(
@@ -153,17 +157,28 @@ def dying(form: Eliminated, point: Equation, space: Subspace, c: Float, apart: i
     return Signal.of(form, M @ (vectors * np.sqrt(np.maximum(values, 0.0))), apart)
 
 
-def periodic(form: Eliminated, omega: float, mu: float, apart: int) -> Signal:
-    """Signal of a frequency (rad/s), the one of the largest bound: z* (Qc + mu Qm) z <= 0, z = [x; w].
-
-    The largest eigenvalue of that at a mu gives a signal, whose bound is the next mu, until it is that of mu itself.
-    """
+def fast(form: Eliminated, mu: float, apart: int) -> Signal:
+    """Signal without a state, the one of the largest bound."""
     n, m = form.B.shape
-    found = SILENT
+    return worst(form, np.vstack([np.zeros((n, m)), np.eye(m)]), mu, apart)
+
+
+def periodic(form: Eliminated, omega: float, mu: float, apart: int) -> Signal:
+    """Signal of a frequency (rad/s), the one of the largest bound."""
+    n, m = form.B.shape
     try:
         z = np.vstack([np.linalg.solve(1j * omega * np.eye(n) - form.A, form.B.astype(complex)), np.eye(m)])
     except np.linalg.LinAlgError:
-        return found
+        return SILENT
+    return worst(form, z, mu, apart)
+
+
+def worst(form: Eliminated, z: Float, mu: float, apart: int) -> Signal:
+    """Signal of the largest bound among some, z* (Qc + mu Qm) z <= 0, z = [x; w].
+
+    The largest eigenvalue of that at a mu gives a signal, whose bound is the next mu, until it is that of mu itself.
+    """
+    found = SILENT
     Qc, Qm = (z.conj().T @ Q @ z for Q in (form.Qc, form.Qm))
     for _ in range(DINKELBACH):
         values, vectors = np.linalg.eigh(Qc + mu * Qm)

@@ -74,6 +74,11 @@ class Form:
         Qc, Qm, Qs = (Q * np.outer(rows, rows) for Q in (self.Qc, self.Qm, self.Qs))
         return Form(self.A * s / s[:, None], self.B / s[:, None], self.C * s, self.D, Qc, Qm, Qs), s
 
+    def injected(self, L: Float) -> "Form":
+        """Same with the gain L given: without outputs."""
+        none = slice(0)
+        return replace(self, A=self.A + L @ self.C, B=self.B + L @ self.D, C=self.C[none], D=self.D[none])
+
     def turned(self, R: Float) -> "Form":
         """Same in the states R e, R orthogonal."""
         n, rows = self.n, np.eye(len(self.Qc))
@@ -83,8 +88,14 @@ class Form:
 
     @property
     def supply(self) -> float:
-        """Coefficient of mu |v|^2, negative."""
-        return float(np.diag(self.Qm)[self.n :].min(initial=0.0))
+        """Coefficient of mu |v|^2, negative; without v that of 1."""
+        return float(np.diag(self.Qm)[self.n :].min(initial=0.0)) or -1.0
+
+    @property
+    def weight(self) -> float:
+        """Size of the weight of e beside that of the first multiplier."""
+        n = self.n
+        return float(np.linalg.norm(self.Qc[:n, :n]) / (np.linalg.norm(self.Qs[0]) or 1.0))
 
     def faster(self, rate: float) -> "Form":
         """Same for an error that decays faster by a rate (1/s)."""
@@ -98,7 +109,10 @@ def scales(A: Float, G: Float, Q: Float) -> Float:
     n = len(A)
     M = np.abs(np.block([[A.T, Q], [G, A]]))
     np.fill_diagonal(M, 0.0)
-    _, (scale, _) = matrix_balance(M, separate=True, permute=False)
+    with np.errstate(invalid="ignore"):
+        _, (scale, _) = matrix_balance(M, separate=True, permute=False)
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        raise UnclearError("numbers of the plant are too far from each other")
     half = np.rint(np.log2(scale[n:] / scale[:n]) / 2)
     return np.asarray(np.exp2(half))
 

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.lmi.formula import Float
-from obsdesign.riccati.equation import SILENT, Equation, Signal, Subspace, dying, periodic
+from obsdesign.riccati.equation import SILENT, Equation, FastError, Signal, Subspace, dying, fast, periodic
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
 
 SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
 UNSEEN = 2e-8  # relative: what that noise may add to mu before less of it is tried
-PEAK_SHARES = (1e-4, 1e-5)
+QUIET = 1e-2  # rate at which that noise and the noise of the outputs move the error, of the rates of the plant
+FAINT = (1e-8, 1e-10)  # .. where the noise of the outputs is small as well
+PEAK_SHARES = ((1e-4, 1e-5), (1e-7, 1e-8), (1e-10, 1e-11))
 STEP = 16.0  # of mu, down from where there is a solution
 FAR = 256.0  # .. whose X is the first reference
 RANGE = 1e24  # of mu: beyond it nothing is looked for
@@ -48,7 +50,7 @@ class Least:
 
     def agrees(self, noisier: "Least") -> bool:
         """Whether it is what is left of a least mu with more noise when most of that is gone."""
-        return noisier.mu * (1 - 2 * noisier.added) <= self.mu <= noisier.mu
+        return noisier.mu * (1 - 2 * noisier.added - NOISE) <= self.mu <= noisier.mu * (1 + NOISE)
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Point:
     """What is known at one mu."""
 
     mu: float
-    equation: Equation
+    equation: Equation | None  # None: the form is not negative for the fastest of signals
     space: Subspace | None  # None: on the axis
     X: Float | None
     level: float  # 1 / (largest eigenvalue of R^-1 X R^-T) > 0; < 0: there is no solution; -inf: on the axis
@@ -77,7 +79,10 @@ class Search:
 
     def at(self, mu: float) -> Point:
         """Solve the equation at a mu and hold it against the reference, if there is one."""
-        equation = Equation.of(self.form, mu)
+        try:
+            equation = Equation.of(self.form, mu)
+        except FastError:
+            return Point(mu, None, None, None, -math.inf)
         space = equation.subspace()
         none = Point(mu, equation, None, None, -math.inf)
         if space is None:
@@ -118,6 +123,8 @@ class Search:
 
     def signal(self, point: Point) -> Signal:
         """Signal that bounds mu from below: of a frequency on the axis, or else dying out where X is largest."""
+        if point.equation is None:
+            return fast(self.form, point.mu, self.noises)
         if point.space is not None and point.c is not None:
             return dying(self.form, point.equation, point.space, point.c, self.noises)
         signals = [periodic(self.form, omega, point.mu, self.noises) for omega in point.equation.frequencies()]
@@ -134,7 +141,10 @@ def least(form: Form) -> Least:
         return Least(0.0, 0.0, 0.0)
     balanced, _ = reduced.balanced()
     found: Least | None = None
-    for share in SHARES:
+    used = SHARES[0]
+    for share in (*SHARES, *FAINT):
+        if share in FAINT and found and quiet(balanced, used):
+            break
         try:
             closer = of_noisy(balanced, share, found)
         except ZeroError:
@@ -143,11 +153,12 @@ def least(form: Form) -> Least:
             unclear = error
             continue
         if found is None or closer.agrees(found):
-            found = closer
-        if found.added <= UNSEEN or found is not closer:
+            found, used = closer, share
+        if (found.added <= UNSEEN and quiet(balanced, share)) or found is not closer:
             break
     if found is None:
         raise unclear
+    require_quiet(balanced, used)
     return found
 
 
@@ -163,9 +174,12 @@ def least_peak(form: Form, H: Float) -> Least:
     balanced, s = reduced.balanced()
     output = H @ N * s
     found: list[float] = []
-    for share in PEAK_SHARES:
-        point = Search(Eliminated.of(reached(balanced, share)), reduced.n).at(1.0)
-        if not point.solved or point.X is None or not point.equation.solved_by(point.X):
+    for share in peak_shares(balanced):
+        search = Search(Eliminated.of(reached(balanced, share)), reduced.n)
+        if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
+            search.refer(far)
+        point = search.at(1.0)
+        if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
             raise UnclearError("no P was found")
         found.append(float(np.linalg.eigvalsh(output @ point.X @ output.T).max(initial=0.0)))
     noisier, mu = found
@@ -199,6 +213,31 @@ def reached(form: Form, share: float) -> Form:
     supplied = np.diag(form.Qm)[form.n :] < 0
     size = np.linalg.norm(form.B[:, supplied], 2) or 1.0
     return form.noisy(np.full(form.n, share * size), np.zeros(len(form.C)))
+
+
+def quiet(form: Form, share: float) -> bool:
+    """Whether a noise on every state moves the error by far less than the noise of the outputs does.
+
+    Beyond that mu does not depend on it any more, to first order, and still is another than without it.
+    """
+    supplied = np.diag(form.Qm)[form.n :] < 0
+    seen = np.linalg.norm(np.linalg.pinv(form.D) @ form.C, 2) if len(form.D) else 0.0
+    return bool(share * np.linalg.norm(form.B[:, supplied], 2) * seen <= QUIET * np.linalg.norm(form.A, 2))
+
+
+def peak_shares(form: Form) -> tuple[float, float]:
+    """Sizes of the noise on the states with which a peak is found. Raises `UnclearError`: none is small enough."""
+    found = next((shares for shares in PEAK_SHARES if quiet(form, shares[-1])), None)
+    if found is None:
+        require_quiet(form, PEAK_SHARES[-1][-1])
+    assert found
+    return found
+
+
+def require_quiet(form: Form, share: float) -> None:
+    """Refuse a least mu that may be that of the noise on the states. Raises `UnclearError`."""
+    if not quiet(form, share):
+        raise UnclearError("the noise of the outputs is too small beside what acts on the states")
 
 
 def first(search: Search) -> Point:
@@ -244,14 +283,14 @@ def close(search: Search, noisier: Least) -> tuple[Point, Point]:
     raise UnclearError("the least gamma is not clear in double precision")
 
 
-def narrowed(search: Search, inside: Point, outside: Point) -> tuple[Point, Signal]:
-    """Point with a solution within `CLOSE` of the edge, and the signal of the best lower bound that was met.
+def narrowed(search: Search, inside: Point, outside: Point, near: float = CLOSE) -> tuple[Point, Signal]:
+    """Point with a solution relatively near to the edge, and the signal of the best lower bound that was met.
 
     A point without a solution gives a lower bound, by Newton's method for the level or by the frequencies on the axis,
     and the next point is just above it: the bounds climb to the edge, and one point with a solution ends it.
     Raises `UnclearError`: a bound is above a mu that has a solution.
     """
-    best, step = SILENT, CLOSE
+    best, step = SILENT, near
     for _ in range(ROUNDS):
         found = search.signal(outside)
         if found.bound > inside.mu * (1 + NOISE):
@@ -259,7 +298,7 @@ def narrowed(search: Search, inside: Point, outside: Point) -> tuple[Point, Sign
         best = max(best, found, key=lambda signal: signal.bound)
         if inside.mu <= max(best.bound, outside.mu) * (1 + step):
             break
-        if found.bound <= outside.mu * (1 + CLOSE):
+        if found.bound <= outside.mu * (1 + near):
             step *= WIDER
             mu = outside.mu * (1 + step) if best.bound > 0 and step < NOISE else math.sqrt(outside.mu * inside.mu)
         else:

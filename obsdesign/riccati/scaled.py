@@ -6,25 +6,41 @@ best lambda: to the nearest one where the cuts allow a share of what is left bet
 (Lemarechal, Nemirovskii and Nesterov, New variants of bundle methods, 1995.)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import Signal
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
-from obsdesign.riccati.least import ABOVE, BELIEVED, FAR, Least, Search, least, narrowed, reached
+from obsdesign.riccati.least import (
+    ABOVE,
+    BELIEVED,
+    FAR,
+    Least,
+    Search,
+    least,
+    narrowed,
+    quiet,
+    reached,
+    require_quiet,
+)
 
 SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,))  # of the size of v: noise on every state; downwards, or else more of it
 UNSEEN = 1e-5  # relative: what that noise may add to mu before less of it is tried
 GRID = tuple(float(factor) for factor in np.exp(3.0 * np.arange(-8, 9)))  # factors of a common scale, to begin with
 HIGH = (1e3, 1e6)  # of the size of mu: where it is tried whether scales have a solution at all
+HIGHER = (1e9, 1e12)  # .. where the gain is given
 LEVELS = (0.3, 0.6, 0.9, 0.99)  # shares of the way from the lower bound to the best, where the box allows one
 BOX = 30.0  # factor by which a scale changes at most in one step
 WIDE = 1e8  # .. and from the best to the lower bound
 ENOUGH = 1e-5  # relative gap of mu at which the search ends
 SAME = 1e-9  # .. to which scales are no others
 STEPS = 80
+STALLED, SLOW = 10, 0.9  # steps after which the gap must be so much smaller
+SOUGHT = 30  # scales, where no common one has a solution
 
 
 @dataclass(frozen=True)
@@ -92,11 +108,16 @@ class Scales:
             outside = search.at(inside.mu / FAR)
             if outside.mu < cap * 1e-20:
                 raise ZeroError("the least gamma is zero, or too small to be told from it")
-        inside, signal = narrowed(search, inside, outside)
+        inside, signal = narrowed(search, inside, outside, ENOUGH / 30)
         self.cut(signal, scales)
         if self.best is None or inside.mu < self.best.mu:
             self.best = Best(scales, inside.mu, signal)
         return True
+
+    def step(self, scales: Float, level: float) -> None:  # noqa: ARG002 - a level, where mu is not free
+        """Look at scales that may have a level."""
+        assert self.best
+        self.look(scales, self.best.mu)
 
     def lower(self) -> float:
         """Least mu that the cuts allow at any scales."""
@@ -115,6 +136,20 @@ class Scales:
         right = -np.array([cut.base for cut in self.cuts])
         sizes = np.maximum(np.abs(rows).max(axis=1), np.abs(right))
         return rows / sizes[:, None], right / sizes
+
+    def middle(self, about: Float, mu: float) -> Float | None:
+        """Scales in the middle of those where the cuts allow a mu, relative to some scales; None if there are none."""
+        from scipy.optimize import linprog
+
+        rows = np.array([cut.slopes * about for cut in self.cuts])
+        right = np.array([cut.supplied * mu - cut.base for cut in self.cuts])
+        sizes = np.linalg.norm(rows, axis=1)
+        kept = sizes > 0
+        rows, right, k = rows[kept] / sizes[kept, None], right[kept] / sizes[kept], len(about)
+        within = np.vstack([np.hstack([rows, np.ones((len(rows), 1))]), np.hstack([-np.eye(k), np.ones((k, 1))])])
+        bounds = [(1 / BOX, BOX)] * k + [(0, None)]
+        found = linprog(-np.eye(k + 1)[-1], within, [*right, *([0.0] * k)], bounds=bounds, method="highs")
+        return None if found.status or found.x is None else about * found.x[:-1]
 
     def nearest(self, level: float) -> Float | None:
         """Nearest scales to the best, relative to them, where the cuts allow a level; None if there are none."""
@@ -159,9 +194,11 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
             except UnclearError as error:
                 unclear = error
                 break
-            if found.signal.apart <= UNSEEN:
+            used = share
+            if found.signal.apart <= UNSEEN and quiet(balanced, share):
                 break
         if found:
+            require_quiet(balanced, used)
             return alone(balanced, found)
     raise unclear
 
@@ -186,18 +223,27 @@ def searched(form: Form, share: float, known: Best | None) -> Best:
     search = Scales(reached(form, share), form.n)
     if known is None or not search.look(known.scales, known.mu * ABOVE):
         begin(search, form)
+    return closed(search)
+
+
+def closed(search: Scales) -> Best:
+    """The best scales once nothing is left between them and the lower bound. Raises `UnclearError`: something is."""
     assert search.best
     lower, last = 0.0, None
+    gaps: list[float] = []
     for _ in range(STEPS):
         lower = max(lower, min(search.lower(), search.best.mu))
         if search.best.mu <= lower * (1 + ENOUGH):
             return replace(search.best, lower=lower)
-        levels = (lower + share * (search.best.mu - lower) for share in LEVELS)
-        scales = next((near for level in levels if (near := search.nearest(level)) is not None), None)
-        if scales is None or (last is not None and np.allclose(scales, last, rtol=SAME, atol=0)):
+        gaps.append(search.best.mu - lower)
+        if len(gaps) > STALLED and gaps[-1] > SLOW * gaps[-1 - STALLED]:
             break
-        search.look(scales, search.best.mu)
-        last = scales
+        levels = (lower + share * (search.best.mu - lower) for share in LEVELS)
+        found = next(((near, level) for level in levels if (near := search.nearest(level)) is not None), None)
+        if found is None or (last is not None and np.allclose(found[0], last, rtol=SAME, atol=0)):
+            break
+        search.step(*found)
+        last = found[0]
     raise UnclearError("the search over the scales of the multipliers ended with a gap")
 
 
@@ -208,15 +254,27 @@ def begin(search: Scales, form: Form) -> None:
     weight = np.linalg.norm(form.Qc[:n, :n], 2)
     unit = weight / np.array([size_of(Q[:n, :n], Q[:n, n:][:, f], Q[n:, n:][np.ix_(f, f)]) for Q in form.Qs])
     seen = np.linalg.norm(np.linalg.pinv(form.D) @ form.C, 2) ** 2 or 1.0
-    for high in HIGH:
+    for high in HIGH if len(form.D) else HIGH + HIGHER:
         cap = float(high * weight / seen)
         for factor in sorted(GRID, key=lambda factor: abs(np.log(factor))):
             cap = cap if search.best is None else search.best.mu
             if search.allowed(factor * unit) < cap:
                 search.look(factor * unit, cap)
+        if search.best is None:
+            sought(search, unit, cap, partial(search.look, cap=cap))
         if search.best is not None:
             return
     raise UnclearError("no scales with a solution were found")
+
+
+def sought(search: Scales, unit: Float, mu: float, look: Callable[[Float], bool]) -> None:
+    """Look at scales in the middle of what the cuts allow for a mu, until some have a solution."""
+    about = unit
+    for _ in range(SOUGHT):
+        scales = search.middle(about, mu)
+        if scales is None or look(scales):
+            return
+        about = scales
 
 
 def size_of(ee: Float, ef: Float, ff: Float) -> float:

@@ -126,3 +126,15 @@ def random_family(seed):
     names = (("x",) * n, ("w",) * nw, ("y",) * ny)
     plant = Plant(A, Bf, B, Cq, none((k, k)), none((k, nw)), C, none((ny, k)), D, *names)
     return theorem("l2", sampled=False)(plant, Multiplier(tuple(blocks)), np.eye(n), 0.05, None, none((k, ny)))
+
+
+def almost_exact(seed):
+    """Family of a plant without f, in units far apart, whose outputs have a noise of 1e-8 to 1e-4 of v."""
+    rng = np.random.default_rng(5000 + seed)
+    n, ny = int(rng.integers(2, 6)), int(rng.integers(1, 3))
+    A, enters = rng.normal(size=(n, n)), rng.normal(size=(n, 1))
+    B, C = np.hstack([enters, np.zeros((n, ny))]), rng.normal(size=(ny, n))
+    D = np.hstack([np.zeros((ny, 1)), 10 ** rng.uniform(-8, -4) * np.linalg.norm(B) * np.eye(ny)])
+    S = np.diag(1e3 ** rng.integers(-1, 2, n).astype(float))
+    back = np.linalg.inv(S)
+    return family("l2" if rng.random() < 0.5 else "linf", S @ A @ back, S @ B, C @ back, D, 0.1, back)

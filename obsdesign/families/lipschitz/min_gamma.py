@@ -7,14 +7,15 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest
+from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest, within
 from obsdesign.dissipation.zero import Level, Vanishing, loudness, reached, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
 from obsdesign.families.lipschitz.reasons import out_of_reach
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
-from obsdesign.families.lipschitz.study import Study
+from obsdesign.families.lipschitz.study import CENTRAL, Study
 from obsdesign.families.lipschitz.suprema import cancels
 from obsdesign.families.outcome import Outcome, Verdict, bounded_kind
 from obsdesign.lmi.formula import Array
@@ -28,9 +29,12 @@ CANCELS = (
 def least_gamma(study: Study) -> Outcome:
     """Design for the least gamma within the bounds."""
     family = study.attenuation(float(study.declared))
-    limit = limit_of(study, family)
+    limit, gap = limit_of(study, family)
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
-    limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "beyond": widened(study)}
+    limits: dict[str, Any] = {
+        "limit": {"gamma": limit.gamma, "attained": limit.attained, **gap},
+        "beyond": widened(study),
+    }
     most = limit.gamma
     if study.restricted:
         answer = settled(study.engine, family, bounded(solve_of(study), study.bounds), study.bounds)
@@ -50,10 +54,12 @@ def least_gamma(study: Study) -> Outcome:
         reason = out_of_reach(levels, float(study.declared), said, exact=study.bounds.L1 is None)
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
     target = min(limit.target(study.slack), asked)
-    L, claim = study.first(small_gains(study, family, study.declared, target))
+    notes = (CANCELS,) if limit.attained and not limit.gamma and cancels(study.unit.plant) else ()
+    central = study.central(target)
+    notes = notes if central is None else (*notes, CENTRAL)
+    L, claim = central or study.first(small_gains(study, family, study.declared, target))
     if L is None:
         raise UndecidedError(f"no gain was found for gamma = {target:g}", id="OBS507")
-    notes = (CANCELS,) if limit.attained and not limit.gamma and cancels(study.unit.plant) else ()
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
 
 
@@ -62,13 +68,13 @@ def solve_of(study: Study) -> Solve:
     return least(study.engine, study.attenuation(float(study.declared)))
 
 
-def limit_of(study: Study, family: Lipschitz) -> Level:
-    """Least gamma over all gains.
+def limit_of(study: Study, family: Lipschitz) -> tuple[Level, dict[str, float]]:
+    """Least gamma over all gains, and its gap where Riccati equations found it.
 
     Raises `UsageError`: it falls to zero as the gain grows, and nothing bounds the gain. Raises `UndecidedError`: it
     was not found.
     """
-    answer = study.engine.minimise(family.least_gamma())
+    answer = within(study.engine, family)
     zero = vanishing(study.engine, family, answer)
     rows = zero.table
     if rows and not study.restricted:
@@ -79,7 +85,7 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}", id="OBS507")
     level = Level.of_all(answer, zero)
     attained = level.attained or (level.gamma > 0 and reached(study.engine, family, level.gamma, study.bounds))
-    return replace(level, attained=attained)
+    return replace(level, attained=attained), {} if answer.gap is None else {"gap": round_up(answer.gap, 2)}
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:

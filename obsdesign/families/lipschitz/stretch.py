@@ -7,12 +7,14 @@ from functools import cached_property
 import numpy as np
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
+from obsdesign.dissipation.elimination import LARGE, least_supply
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
 from obsdesign.dissipation.scan import edge, strides
 from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, Values
 from obsdesign.lmi.solve import Answer, Status
+from obsdesign.riccati.form import Form
 
 EDGE = 1e-6  # relative, of a constant that is found by bisection
 STRIDE = 4.0  # between constants, until one holds and another does not
@@ -50,8 +52,25 @@ class Stretch:
 
     def least(self, bounds: Bounds, start: Values | None = None) -> Answer:
         """Least objective within the bounds on L1 and (Theorem 1) P >= t I."""
+        known = None if bounds.restricted else self.eliminated
+        if known is not None:
+            return known
         direct = self.convex and bounds.poles is None  # whose multipliers are products with the constant
         return self.engine.minimise(self.problem(bounds), start) if direct else self.bisected(bounds)
+
+    @cached_property
+    def eliminated(self) -> Answer | None:
+        """Least objective over all gains of a large plant by Riccati equations; None where these do not tell."""
+        family = self.family.stretched(self.scale)
+        p, sampled = family.plant, family.about.pace.sampled
+        if p.n < LARGE or sampled or family.power == 1 or not self.convex:
+            return None
+        (block,) = family.multiplier.scaled_blocks()
+        n, nf = p.Bf.shape
+        Qc, Qm = np.zeros((2, n + nf, n + nf))
+        Qc[:n, :n], Qm[n:, n:] = p.Cq.T @ block.M11 @ p.Cq, -np.eye(nf)
+        form = Form(p.A + family.rate * family.eye, p.Bf, p.C, p.Df, Qc, Qm, np.zeros((0, *Qc.shape)))
+        return least_supply(self.engine, form if family.L1 is None else form.injected(family.L1))
 
     def best(self) -> Answer:
         """Least objective over all gains, as accurate as can be."""

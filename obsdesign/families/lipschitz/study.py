@@ -12,7 +12,8 @@ from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
-from obsdesign.dissipation.decimals import round_up, square_below
+from obsdesign.dissipation.decimals import round_up, significant, square_below
+from obsdesign.dissipation.elimination import LARGE, central_gains, proved_central
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size, unplaced
 from obsdesign.dissipation.modes import EXPONENTIALS, POWERS
@@ -33,6 +34,11 @@ from obsdesign.lmi.solve import Status
 
 K = TypeVar("K", bound=Lipschitz)
 CLOSE = 1e-3  # relative, from the largest decay that does to what is suggested
+CENTRAL = (
+    "the gain is the central one of a Riccati equation: the smallest takes long to find for so large a plant; bounds.L "
+    "asks for a smaller one"
+)
+CENTRAL_DIGITS = 8  # of such a gain
 MORE = 0.05  # relative, above the least gamma over all gains, of a gamma that is tried with larger gains
 
 
@@ -130,6 +136,30 @@ class Study:
             found = self.at_once(family, gamma, values) if values else None
             certificate = found or claim(self.engine, family, gamma, bounds=self.request.storage)
         return Claim(constant, certificate) if certificate and certificate.holds else None
+
+    @property
+    def centered(self) -> bool:
+        """Whether gains are the central ones of Riccati equations: of large plants, where nothing bounds them."""
+        large = self.unit.plant.n >= LARGE and self.engine.eliminates
+        return large and self.relaxation == "s-procedure" and not self.restricted
+
+    def central(self, gamma: float) -> tuple[Array, Claim] | None:
+        """Central gain that reaches a gamma at the declared constant, and its proof; None if none is proved."""
+        family = self.unit.stretched(self.declared)
+        certificate = proved_central(self.engine, family, gamma, self.request.storage) if self.centered else None
+        if certificate is None or certificate.family.L1 is None:
+            return None
+        return -certificate.family.L1, Claim(self.declared, certificate)
+
+    def central_for(self, constant: fmpq) -> tuple[Array, Claim] | None:
+        """Central gain for a constant, and its proof with nearly the least gamma that it has; None if none is."""
+        if not self.centered or len(self.unit.multiplier.blocks) > 1:
+            return None
+        for found in central_gains(self.unit.undisturbed().stretched(constant), 1.0, np.ones(1)):
+            L = printed(significant(-found.L, CENTRAL_DIGITS))
+            if claim := self.proved(L, constant):
+                return L, claim
+        return None
 
     def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
         """Proof by the storage function of a solution and the scales that go with it."""

@@ -18,6 +18,7 @@ from obsdesign.families.lipschitz.closed_forms import (
     unstructured,
 )
 from obsdesign.families.lipschitz.relaxations import Lipschitz
+from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
@@ -104,6 +105,9 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     if len(core.shares) == len(core.system.A) == 1:
         value, decays = core.closed
         return Supremum(value, attainable and decays, "least size of a linear f that hides a mode")
+    if len(core.shares) == 1 and (known := Stretch(engine, unit.undisturbed())).eliminated:
+        P = known.eliminated.values.get("P")
+        return Supremum(known.constant(known.eliminated), attainable and P is not None and regular(P))
     answer = optimum(engine, core.largest([ONE] * len(core.shares)))
     value = core.constant(answer.objective)
     if len(core.shares) > 1:

@@ -1,0 +1,88 @@
+"""The least peak gain over the scales of multipliers: mu with P >= H'H, in a form that is homogeneous in P, lambda, mu.
+
+For lambda / mu given, the least mu is lmax(H X H') of one equation with mu = 1. A signal that dies out backwards in
+time from x(0) says |H x(0)|^2 + slopes lambda <= supplied mu, by P >= H'H: a cut, which the one with x(0) = X H'u, u
+the eigenvector, makes tight at that lambda.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from obsdesign.lmi.formula import Float
+from obsdesign.riccati.equation import dying
+from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
+from obsdesign.riccati.least import BELIEVED, Least, Search, least_peak, peak_shares, reached
+from obsdesign.riccati.scaled import GRID, Best, Scales, closed, sought
+
+BACK = (1.0, 0.5, 0.25, 0.1, 0.01)  # shares of the way from the best scales to those that the cuts allow
+
+
+class PeakScales(Scales):
+    """Cuts, and the best scales, of one homogeneous form whose states are balanced and have noise."""
+
+    def __init__(self, form: Form, states: int, output: Float) -> None:
+        super().__init__(form, states)
+        self.output = output  # H, in the states of the form
+
+    def step(self, scales: Float, level: float) -> None:
+        """Look at scales that may have a level; where they have no solution, nearer to the best."""
+        assert self.best
+        known = self.best
+        for share in BACK:
+            there = known.scales + share * (scales - known.scales)
+            if self.of_one(there / (known.mu + share * (level - known.mu))):
+                return
+
+    def of_one(self, scales: Float) -> bool:
+        """Least mu in the direction of the scales for mu = 1, kept where it is the best; else what they break."""
+        search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
+        point = search.at(1.0)
+        if not point.solved or point.X is None or point.space is None or point.equation is None:
+            self.cut(search.signal(point), scales)
+            return False
+        values, vectors = np.linalg.eigh(self.output @ point.X @ self.output.T)
+        mu = float(values[-1])
+        if not 0 < mu < np.inf:
+            raise ZeroError("the least gamma is zero, or too small to be told from it")
+        c = search.direction(point.space, self.output.T @ vectors[:, -1])
+        if c is None:
+            raise UnclearError("the least gamma is not clear in double precision")
+        signal = dying(search.form, point.equation, point.space, c, self.states)
+        seen = self.output @ (point.space.s * (point.space.Z2 @ c))
+        self.cut(replace(signal, cost=float(seen @ seen) + float(signal.slopes @ scales)), scales)
+        if self.best is None or mu < self.best.mu:
+            self.best = Best(scales * mu, mu, signal)
+        return True
+
+    def begin(self) -> None:
+        """Try a common scale over many sizes. Raises `UnclearError`: none has a solution."""
+        form = self.form
+        n, f = form.n, np.diag(form.Qm)[form.n :] == 0
+        acts, forces = (np.linalg.norm(form.B[:, part], 2) ** 2 or 1.0 for part in (~f, f))
+        under = np.array([np.linalg.norm(Q[n:, n:][np.ix_(f, f)], 2) or 1.0 for Q in form.Qs])
+        unit = -form.supply * forces / acts / under
+        for factor in sorted(GRID, key=lambda factor: abs(np.log(factor))):
+            if self.best is None or self.allowed(factor * unit * self.best.mu) < self.best.mu:
+                self.of_one(factor * unit)
+        if self.best is None:
+            sought(self, unit, 1.0, self.of_one)
+        if self.best is None:
+            raise UnclearError("no scales with a solution were found")
+
+
+def least_peak_scaled(form: Form, H: Float) -> tuple[Least, Float]:
+    """Least mu over all scales with P >= H'H, with scales that have it. Raises `UnclearError`, as `least_scaled`."""
+    reduced, N = without_exact_outputs(form)
+    if not reduced.n or not H.any():
+        raise UnclearError("the least gamma is zero, or attained at no scales")
+    balanced, s = reduced.balanced()
+    output = H @ N * s
+    search = PeakScales(reached(balanced, peak_shares(balanced)[-1]), reduced.n, output)
+    search.begin()
+    best = closed(search)
+    alone = least_peak(balanced.scaled(best.scales / best.mu), output)
+    found = replace(alone, lower=best.lower * (1 - alone.added), added=0.0)
+    if not found.lower > 0 or found.gap > BELIEVED:
+        raise UnclearError("the search over the scales of the multipliers ended with a gap")
+    return found, best.scales * (found.mu / best.mu)
