@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.frequencies import angles, around, largest
+from obsdesign.dissipation.frequencies import angles, around, distinct, largest
 from obsdesign.lmi.formula import Array, identity
 
 INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
@@ -132,7 +132,7 @@ class Exponentials(Modes):
         ends = 25 / np.abs(values.real)
         counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
         dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]
-        t = np.unique(np.concatenate([*dense, ends.max(initial=0.0) * np.geomspace(1e-9, 1, SAMPLES)]))
+        t = distinct(np.concatenate([*dense, ends.max(initial=0.0) * np.geomspace(1e-9, 1, SAMPLES)]))
         residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
         return (residues @ np.exp(values[:, None] * t)).real, widths(t)
 

@@ -279,6 +279,13 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def release(package: str) -> str:
+    """Version of an installed package; what reads it is imported here, for no proof needs it."""
+    from importlib.metadata import version
+
+    return version(package)
+
+
 def to_json(value: Any) -> str:
     """JSON with one line for each key, row of a matrix, and flat object."""
     return render(value, "") + "\n"

@@ -7,7 +7,7 @@ errors of a file are found at once. A size that an earlier error leaves open is 
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, NoReturn
 
@@ -18,6 +18,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 from obsdesign.sections.document import MAX_PROBLEMS, Document, Loc, dotted
 from obsdesign.sections.notation import as_lists, meant
 from obsdesign.sections.scalars import AS_DOUBLE, DATE, MAX_QUOTED, NOT_FINITE, described
