@@ -65,7 +65,7 @@ def one(plant, n, tool):
     from obsdesign.reading import loads
 
     run = {OURS: designed, THEIRS: rebuilt}[tool]
-    run(loads(rods.beam(4)))
+    run(loads(rods.beam(8)))
     seconds, gamma = processor_time(lambda: run(loads(getattr(rods, plant)(n))))
     print(json.dumps({"seconds": seconds, "gamma": gamma}))
 

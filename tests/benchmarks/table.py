@@ -19,7 +19,7 @@ SLOWER = 1.1
 def seconds(checkout, spec, folder):
     """Processor time of one process, of a checkout, with the exit code."""
     code = "from obsdesign.__main__ import main; main()"
-    command = [sys.executable, "-c", code, "solve", str(spec), "-q", "-o", f"{folder}/gains.json"]
+    command = [sys.executable, "-P", "-c", code, "solve", str(spec), "-q", "-o", f"{folder}/gains.json"]
     env = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     env.pop("PYTHONDONTWRITEBYTECODE", None)
     silent = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_WRONLY, 0) for stream in (1, 2)]
