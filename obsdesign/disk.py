@@ -7,6 +7,7 @@ import re
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
@@ -49,6 +50,8 @@ KINDS = {
     "annotations": Kind((), marked(rb"::(?:error|notice)\ [^\n]*title=obsdesign\ ")),
 }
 ENDINGS = {*(end for kind in KINDS.values() for end in kind.endings), ".pdf", ".jpg", ".jpeg", ".eps"}
+QUIET = 600.0  # s: what was not written to for so long, nobody completes, be it on another machine
+SHIFT = 60.0  # s, by which a clock may have been set
 STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
 
 
@@ -139,6 +142,9 @@ def write_all(files: Mapping[str, bytes]) -> None:
                     staged[path] = Path(file.name)
                     file.write(content)
                 staged[path].chmod(0o666 & ~umask())
+        for folder in {temporary.parent for temporary in staged.values()}:
+            with suppress(OSError):
+                remove_strays(folder, QUIET)
         for path, temporary in staged.items():
             temporary.replace(Path(path).resolve())
         for path in files.keys() - staged:
@@ -182,12 +188,28 @@ def remove_earlier(path: str) -> None:
         os.unlink(os.path.realpath(path))
 
 
-def remove_strays(folder: Path) -> None:
-    """Remove the files that a process which is no more left half-written in a folder. Raises `OSError`."""
+def remove_strays(folder: Path, quiet: float = 0.0) -> None:
+    """Remove what a process that is no more left half-written in a folder, and untouched for a time in s.
+
+    Raises `OSError`.
+    """
     for path in folder.iterdir():
         found = STRAY.fullmatch(path.name)
-        if found and path.is_file() and not path.is_symlink() and not Path("/proc", found[1]).exists():
+        if not found or not path.is_file() or path.is_symlink():
+            continue
+        changed = path.stat().st_mtime
+        if time.time() - changed >= quiet and not is_running(found[1], changed):
             path.unlink(missing_ok=True)
+
+
+def is_running(process: str, since: float) -> bool:
+    """Whether the process of a number runs, and did so at a time: later ones get the numbers of earlier ones."""
+    try:
+        ticks = int(Path("/proc", process, "stat").read_bytes().rpartition(b")")[2].split()[19])
+    except (OSError, ValueError, IndexError):
+        return Path("/proc", process).exists()
+    age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    return time.time() - age <= since + SHIFT
 
 
 def require_ending(path: str, kind: str) -> None:

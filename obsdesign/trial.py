@@ -119,4 +119,5 @@ class Recorded:
     hold: Hold = "zero"  # of u and y between rows
     arrival: str = ""  # column of when a row became known
     v_sup: fmpq | None = None  # bound on |v|
+    eta_sup: fmpq | None = None  # .. on the noise |eta| of each measurement at instants
     e0: Mapping[str, fmpq] = field(default_factory=dict)  # bounds on the error of each state at the start

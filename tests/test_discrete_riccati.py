@@ -8,15 +8,22 @@ H <- [H; sqrt(lambda) l Cq]), L2 = 0 and Df = 0: with Ab = A / rho, Db = rho D, 
 and gamma^2 = mu is above the limit iff S > 0 is stabilising and mu I - H S H' / rho^2 > 0.
 """
 
+import math
+
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, ordqz
+from scipy.linalg import block_diag, expm, ordqz
 from scipy.optimize import minimize_scalar
+from support.rods import RODS, family, random_plant, rod, rod_spec, written
 from support.samples import text
 
+import obsdesign as od
+from obsdesign.dissipation.elimination import form_of, least_gamma, least_over_scale_of
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.design import design
+from obsdesign.families.incremental.theorems import DiscreteL2
 from obsdesign.lmi.formula import in_floats
+from obsdesign.lmi.solve import Status
 from obsdesign.reading import loads
 
 
@@ -98,3 +105,102 @@ def test_with_a_lipschitz_block_it_is_the_least_over_its_scale(constant, rho):
 
     found = minimize_scalar(at, bounds=(-8, 4), method="bounded", options={"xatol": 1e-6})
     assert design(spec, Engine()).limit["gamma"] == pytest.approx(found.fun, rel=1e-6)
+    problem = in_floats(DiscreteL2(spec.posed, spec.multiplier, spec.H, spec.observer.rate, None, spec.observer.L2))
+    told, _ = least_over_scale_of(form_of(problem), problem)
+    assert math.sqrt(told.mu) == pytest.approx(found.fun, rel=1e-7)
+    assert told.gap < 1e-6
+
+
+def error_of(name, A, B, C, D, rate, H=None):
+    """Inequality of a family for samples without f, L1 to be found, in doubles."""
+    return family(name, A, B, C, D, rate, H, sampled=True)
+
+
+CLOSED = [
+    # a, b, c, d, rho, gamma
+    (0.9, 1, 1, 0.5, 1, 1.096585610),
+    (0.5, 0.2, 1, 2, 1, 0.392232270),
+    (1.2, 0.3, 2, 1, 1, 0.670820393),
+    (0.9, 1, 1, 0.5, 0.95, 1.154300642),
+]
+
+
+@pytest.mark.parametrize(("a", "b", "c", "d", "rho", "gamma"), CLOSED)
+def test_one_state_has_the_limit_of_its_formula(a, b, c, d, rho, gamma):
+    told = least_gamma(Engine(), error_of("l2", a, [[b, 0]], c, [[0, d]], 1 - rho))
+    assert math.sqrt(told.objective) == pytest.approx(gamma, rel=1e-8)
+    assert told.gap < 1e-8
+
+
+def test_random_samples_have_the_limits_of_the_inequalities():
+    rows = 0
+    for seed in range(7):
+        A, B, C, D, H, alpha = random_plant(seed)
+        step = (1, 0.1, 0.01)[seed % 3]
+        for name in ("l2", "linf"):
+            problem = error_of(name, expm(A * step), B * step, C, D, -math.expm1(-alpha * step), H)
+            told, answer = least_gamma(Engine(), problem), Engine().minimise(problem.least_gamma())
+            if told and answer.status is Status.OPTIMAL:
+                assert told.objective == pytest.approx(answer.objective, rel=2e-5)
+                rows += 1
+    assert rows >= 6
+
+
+@pytest.mark.parametrize("name", ["l2", "linf"])
+def test_the_limit_does_not_depend_on_coordinates_and_units(name):
+    A, B, C, D, H, _ = random_plant(5)
+    A, T, rng = expm(A / 10), np.diag([1e3, 1, 1e-3, 10, 1, 1, 1, 1][: len(A)]), np.random.default_rng(3)
+    T = T @ (rng.normal(size=A.shape) + 3 * np.eye(len(A)))
+    back, R = np.linalg.inv(T), np.diag(10.0 ** rng.integers(-3, 4, len(C)))
+    here = error_of(name, A, B, C, D, 0.03, H)
+    there = error_of(name, T @ A @ back, 1e3 * T @ B, R @ C @ back, 1e3 * R @ D, 0.03, H @ back)
+    known, found = (least_gamma(Engine(), problem).objective for problem in (here, there))
+    assert found == pytest.approx(1e6 * known, rel=1e-5)
+
+
+def test_an_output_without_noise_is_left_to_the_inequality():
+    assert least_gamma(Engine(), error_of("l2", [[0.9, 0.1], [0, 0.8]], [[0], [1]], [[1, 0]], [[0]], 0.0)) is None
+
+
+def first_missed(p, H, rho, mu):
+    """Sample at which no estimate keeps the level any more, from S = 0 on; None if it is kept for good."""
+    S, Ab, Ct = 0 * p.A, p.A / rho, np.vstack([p.C, H / rho])
+    R = block_diag(rho**2 * p.D @ p.D.T, -mu * np.eye(len(H)))
+    for k in range(400):
+        inner = R + Ct @ S @ Ct.T
+        if np.linalg.eigvalsh(mu * np.eye(len(H)) - H @ S @ H.T / rho**2)[0] <= 0:
+            return k
+        G = Ab @ S @ Ct.T
+        S = Ab @ S @ Ab.T - G @ np.linalg.solve(inner, G.T) + p.B @ p.B.T
+    return None
+
+
+def test_a_rod_of_20_cells_in_samples_has_its_limit_and_gains_that_are_proved():
+    spec = od.load(rod_spec(20, "{type: l2, alpha: 1.0e-4}").replace("system:", "system:\n  discretise: {period: 0.1}"))
+    made = od.solve(spec)
+    assert made.proved
+    assert made.result["solver"]["engine"] == "riccati"
+    assert made.result["solver"]["solves"] == 0
+    assert made.limit["attained"]
+    p, H, gamma = in_floats(spec.posed), in_floats(spec.H), made.limit["gamma"]
+    rho = float(1 - spec.observer.rate)
+    assert first_missed(p, H, rho, (gamma * 0.999) ** 2) is not None
+    assert first_missed(p, H, rho, (gamma * 1.001) ** 2) is None
+    assert made.result["guarantee"]["gamma"] <= 1.05 * gamma * (1 + 1e-5)
+
+
+def test_a_large_plant_with_one_nonlinearity_is_searched_over_its_scale():
+    A, B, C, D = rod(12, *RODS[12])
+    spring = [(-np.eye(12)[3], np.eye(12)[3], (0, 1.5))]
+    spec = written(A, B, C, D, spring, 0.01).replace("system:", "system:\n  discretise: {period: 0.1}")
+    made = od.solve(od.load(spec))
+    assert made.proved
+    assert made.result["solver"]["engine"] == "riccati"
+    assert made.limit["gap"] < 1e-5
+
+
+def test_the_peak_of_a_large_plant_has_central_gains_as_well():
+    spec = rod_spec(12, "{type: linf, rho: .95}").replace("system:", "system:\n  discretise: {period: 0.1}")
+    made = od.solve(od.load(spec))
+    assert made.proved
+    assert made.result["solver"]["engine"] == "riccati"

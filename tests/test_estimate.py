@@ -2,6 +2,9 @@
 
 import json
 import math
+import os
+import time
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -17,6 +20,7 @@ import obsdesign as od
 from obsdesign.data import runner
 from obsdesign.data.innovations import LAGS, Innovations
 from obsdesign.data.interpreted import Interpreted
+from obsdesign.data.radius import radius
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.files import table
 from obsdesign.reading import loads
@@ -177,6 +181,23 @@ def test_the_radius_is_the_closed_form_of_its_inequality(scalar):
     assert found["radius_x"] == pytest.approx(np.sqrt(V / P), rel=1e-6)
 
 
+def test_the_radius_of_the_first_row_is_what_is_given():
+    """Two states: sqrt(V) of both weighs each error by all of P, and yet that at the first row is within e0."""
+    text = (
+        SCALAR.replace("states: [x]", "states: [x, v]")
+        .replace("x: 2", "x: 2, v: 0.01")
+        .replace("x0: [2]", "x0: [2, 0]")
+    )
+    text = text.replace(
+        "A: [[0.9]], B: [[0.1, 0]], C: [[1]]", "A: [[0.9, 0.1], [0, 0.8]], B: [[0.1, 0], [0, 0]], C: [[1, 0]]"
+    )
+    text = text.replace("gx: [0.1*force]", "gx: [0.1*force, 0]").replace("rho: 0.8", "rho: 0.9")
+    design = od.solve(loads(text))
+    found = od.estimate(design, of_run(design.simulate()))
+    assert found["radius_x"][0] == 2
+    assert found["radius_v"][0] == 0.01 < found["radius_v"][1]
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [
@@ -280,6 +301,42 @@ def test_a_measurement_that_is_overdue_ends_what_is_proved():
     t = np.cumsum([0.0, *[(T1 + T2) / 2] * 5, 2 * T2, *[(T1 + T2) / 2] * 3])
     found = od.estimate(design, log("log.csv", ["t", *design.spec.plant.outputs], t, np.ones(len(t))))
     assert found["covered"].tolist() == [1.0] * 6 + [0.0] * 4
+
+
+PROPOSITION = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -0.5]], B: [[0], [1]], C: [[1, 0]]}
+observer: {type: sporadic, T1: 0.205, T2: 0.41, decay: 0.05, relaxation: proposition-2, delta: 2, objective: min-gamma,
+           gains: {L: [[1.5], [-0.5]], H: [[-1.5]]}}
+"""
+
+
+@pytest.mark.parametrize("text", ["", pytest.param(PROPOSITION, marks=pytest.mark.slow)], ids=["clock", "proposition"])
+def test_the_truth_is_within_the_radius_where_measurements_come_at_instants(text):
+    """Noise and w as large as they are said to be, at their worst signs; rows without y lie between measurements."""
+    design = od.solve(loads(text)) if text else solved("ferrante2019-oscillator-gap")[1]
+    where = loads("obsdesign: 1\nsystem: {A: [[0, 0], [0, 0]], C: [1, 0]}\nobserver: {type: l2}\n"
+                  "data: {v_sup: 0.2, eta_sup: 0.01, e0: {x1: 1, x2: 0.5}}").data  # fmt: skip
+    design = replace(design, spec=replace(design.spec, data=where))
+    A, B = np.array(design.spec.plant.A, dtype=float), np.array(design.spec.plant.B, dtype=float)[:, 0]
+    rng = np.random.default_rng(4)
+    taken = np.cumsum(rng.uniform(0.205, 0.41, 60)) - 0.205
+    t = np.unique(np.concatenate([[0.0], taken, np.linspace(0.03, taken[-1], 50)]))
+    true = solve_ivp(lambda t, x: A @ x + 0.2 * B * np.sign(np.sin(1.1 * t)), (0, t[-1]), [1.0, 0.5], t_eval=t,
+                     rtol=1e-9, atol=1e-9, max_step=0.05).y.T  # fmt: skip
+    y = np.where(np.isin(t, taken), true[:, 0] + 0.01 * np.sign(rng.normal(size=len(t))), np.nan)
+    found = od.estimate(design, log("log.csv", ["t", "y1"], t, y))
+    assert found.report["uncovered"] == 0
+    shares = [np.abs(true[:, i] - found[f"hat_x{i + 1}"]) / found[f"radius_x{i + 1}"] for i in (0, 1)]
+    assert 0.05 < np.max(shares) <= 1
+    c = design.result["guarantee"]
+    start = c["overshoot"] * math.sqrt(1 + 0.25 + 1) * np.exp(-c["rate"] * t)
+    size = start + 0.2 * c["disturbance"] + 0.01 * c["noise"]
+    assert (found["radius_x2"] <= size * (1 + 1e-6)).all()
+    gap = log("gap.csv", ["t", "y1"], [0, 0.3, 0.75, 0.9], np.zeros(4))
+    assert np.isnan(od.estimate(design, gap)["radius_x2"]).tolist() == [False, False, True, True]
+    assert radius(design, replace(where, eta_sup=None), ("x1",)) == "data: {eta_sup} is not given"
+    assert "measurements come late" in radius(design, replace(where, arrival="rx"), ("x1",))
 
 
 def test_a_claim_for_a_range_of_inputs_has_no_radius():
@@ -572,12 +629,93 @@ def test_late_measurements_are_taken_at_their_own_time():
     assert found["t"].tolist() == t[order].tolist()
 
 
-def test_others_use_a_late_row_when_it_arrives(scalar):
+def used_at(k, stamps, arrivals, period=0.1):
+    """Row that an observer of a plant in samples uses at sample k: the newest that is known."""
+    return max((stamp, row) for row, stamp in enumerate(stamps) if arrivals[row] <= k * period + 1e-9)
+
+
+def test_a_plant_in_samples_uses_the_newest_row_that_is_known(scalar, monkeypatch):
+    """Rows come at any time, and out of order; radii end where one is used after its own."""
     design, made = scalar
-    path = log("log.csv", ["t", "force", "y", "rx"], made.t - 0.03, made.u, made.y, made.t)
+    rng, K = np.random.default_rng(2), len(made.t)
+    delay = np.where((np.arange(K) > 12) & (rng.random(K) < 0.5), rng.uniform(0.01, 0.45, K), 0)
+    order = np.argsort(made.t + delay, kind="stable")
+    t, rx = made.t[order], (made.t + delay)[order]
+    path = log("late.csv", ["t", "force", "y", "rx"], t, made.u[order], made.y[order], rx)
+    N = 1 + math.ceil(max(rx) / 0.1 - 0.01)
+    rows = [used_at(k, t, rx)[1] for k in range(N)]
+    expected = od.estimate(design, log("same.csv", ["t", "force", "y"], np.arange(N) / 10, made.u[order][rows],
+                                       made.y[order][rows]))  # fmt: skip
+    monkeypatch.setattr(table, "BLOCK", 400)
     found = od.estimate(design, path, columns={"arrival": "rx"})
-    assert found["hat_x"].tolist() == od.estimate(design, of_run(made, "other.csv"))["hat_x"].tolist()
-    assert found.report["radius"]["none"] == "rows are used when they arrive, and nothing is proved of that"
+    assert found["t"] == pytest.approx(np.arange(N) / 10)
+    assert found["hat_x"].tolist() == expected["hat_x"].tolist()
+    late = int(np.argmax(t[rows] < np.arange(N) / 10 - 1e-3))
+    assert 12 < late < 20
+    assert found["radius_x"][:late].tolist() == expected["radius_x"][:late].tolist()
+    assert np.isnan(found["radius_x"][late:]).all()
+    assert found.report["radius"]["premise"].endswith("up to the first that is used after its time")
+    assert found.report["lost"] == K - len(set(rows)) > 3
+    assert found.report["stale"]["rows"] == (t[rows] < np.arange(N) / 10 - 1e-3).sum()
+    off = log("off.csv", ["t", "force", "y", "rx"], t + 0.002 * (t > 2), made.u[order], made.y[order], rx + 0.002)
+    with pytest.raises(UsageError, match=r"off.csv:.*its time is off its sample"):
+        od.estimate(design, off, columns={"arrival": "rx"})
+
+
+MOVING = """
+obsdesign: 1
+name: Cart
+system: {states: [place, speed], inputs: [force], outputs: [y], A: [[0, 1], [-1, -0.5]], B: [[0], [1]], C: [[1, 0]],
+         gx: [0, force]}
+observer: {type: l2, gains: {L1: [[-2], [-1]]}, alpha: 0.1}
+"""
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_the_newest_row_holds_from_its_arrival(hold, compiled, monkeypatch):
+    """Some rows come together, and some after newer ones, which changes nothing; a small loop says the same."""
+    if not compiled:
+        monkeypatch.setattr(runner.shutil, "which", lambda _: None)
+    rng, K = np.random.default_rng(5), 60
+    t = np.arange(K) * 0.1
+    arrival = np.sort(t + np.where(rng.random(K) < 0.3, rng.uniform(0.1, 0.5, K), 0.01))
+    order = np.argsort(t + np.where(rng.random(K) < 0.3, 0.25, 0.0), kind="stable")
+    arrival = np.maximum.accumulate(np.maximum(arrival, t[order]))
+    arrival[11] = arrival[10] = max(arrival[10:12])
+    signals = np.column_stack([np.cos(2 * t), np.sin(3 * t)])[order]
+    path = log("late.csv", ["t", "force", "y", "rx"], t[order], signals, arrival)
+    monkeypatch.setattr(table, "BLOCK", 500)  # bytes of a block, so that rows wait for those of the next
+    found = od.estimate(od.solve(loads(MOVING)), path, columns={"arrival": "rx"}, hold=hold)
+
+    used = np.flatnonzero(t[order] >= np.maximum.accumulate(t[order]))
+    A, C, L = np.array([[0, 1], [-1, -0.5]]), np.array([1.0, 0]), np.array([-2.0, -1])
+
+    def held(s, now):
+        place = used[used <= now][-1]
+        after = used[used > now]
+        if hold == "zero" or not len(after) or arrival[after[0]] == arrival[place]:
+            return signals[place]
+        share = (s - arrival[place]) / (arrival[after[0]] - arrival[place])
+        return signals[place] + share * (signals[after[0]] - signals[place])
+
+    def rate(s, x, now):
+        u, y = held(s, now)
+        return A @ x + np.array([0, u]) + L * (C @ x - y)
+
+    x, expected = np.zeros(2), [np.zeros(2)]
+    for k in range(K - 1):
+        if arrival[k + 1] > arrival[k]:
+            run = solve_ivp(rate, (arrival[k], arrival[k + 1]), x, args=(k,), rtol=1e-10, atol=1e-12)
+            x = run.y[:, -1]
+        expected.append(x)
+    assert found["t"] == pytest.approx(arrival)
+    hats = np.column_stack([found["hat_place"], found["hat_speed"]])
+    assert np.abs(hats - expected).max() < 3e-6
+    dropped = K - len(used)
+    assert found.report["late"] == found.report["lost"] == dropped > 5
+    assert np.isnan(found["innov_y"]).sum() == dropped
+    assert found.report["stale"]["longest"] == pytest.approx((arrival - t[order])[used].max())
 
 
 # innovations
@@ -710,9 +848,23 @@ def test_rows_that_are_too_far_apart_are_told_before_any_step():
 
 
 def test_what_a_killed_command_left_half_written_is_removed(gains):
+    """By what is written part by part at once; by another command where nobody wrote to it for long.
+
+    The number of a process that runs may be that of an earlier one.
+    """
     Path(".obsdesign-staged-999999999-abc").write_text("half")
     assert run("estimate", gains, "log.csv", "-q").exit_code == 0
     assert not any(name.startswith(".obsdesign") for name in files())
+    mine, others, young = (Path(f".obsdesign-staged-{n}-abc") for n in (os.getpid(), 999999999, 999999998))
+    for path in (mine, others, young):
+        path.write_text("half")
+    for path, age in ((mine, 1e6), (others, 1e6), (young, 10)):
+        os.utime(path, (time.time() - age,) * 2)
+    assert run("simulate", gains, "-o", "run.csv", "-q").exit_code == 0
+    assert [path.exists() for path in (mine, others, young)] == [False, False, True]
+    mine.write_text("of a process that runs")
+    assert run("estimate", gains, "log.csv", "-q").exit_code == 0
+    assert [path.exists() for path in (mine, young)] == [True, False]
 
 
 def test_gains_that_are_not_there_are_told():

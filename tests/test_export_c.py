@@ -2,8 +2,10 @@
 
 import ctypes
 import json
+import re
 import shutil
 import subprocess
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from support.shipped import SPECS, on, solved
 
 import obsdesign as od
 from obsdesign.errors import UsageError
+from obsdesign.exports import c
 from obsdesign.exports.c_language import RESERVED
 from obsdesign.exports.code import identifiers
 from obsdesign.exports.subject import identifier
@@ -202,6 +205,41 @@ def gains(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     design_of("pendulum-embedded").save("pendulum.gains.json")
     return "pendulum.gains.json"
+
+
+def test_the_c_holds_the_numbers_of_the_claim(gains):
+    result, subject = json.loads(Path(gains).read_text()), od.export(gains, "c").subject
+    for text in (c.header(subject), c.source(subject)):
+        comment = text.split("*/")[0]
+        written = re.search(r"\n   P = \[(.*)\]\n", comment)[1]
+        P = [[Fraction(x) for x in row.split(", ")] for row in written.split("; ")]
+        assert [[Fraction(x) for x in row] for row in result["certificate"]["P"]] == P
+        assert f"gamma = {result['guarantee']['gamma']}" in comment
+        assert "\n   H = [" in comment
+
+
+CART = """
+obsdesign: 1
+name: Cart
+system: {states: [place, speed], outputs: [y], A: [[0, 1], [-1, -0.5]], B: [[0], [1]], C: [[1, 0]]}
+nonlinearities: [{type: {slope: [-1, 1]}, f: sin(q), Bf: [0, -0.1], Cq: [1, 0], region: {q: [-1, 1]}}]
+observer: {type: l2, gains: {L1: [[-2], [-1]]}, alpha: 0.1}
+implementation: {period: 1.0e-2, method: rk4}
+simulation: {horizon: 1, x0: [1, 0], w: {w1: {file: push.csv}}}
+"""
+
+
+def test_a_file_of_the_simulation_may_be_gone(tmp_path, monkeypatch):
+    """The self-test runs on waves then, which is said; and that a claim is local is said once."""
+    monkeypatch.chdir(tmp_path)
+    Path("cart.yaml").write_text(CART)
+    assert run("solve", "cart.yaml", "-q").exit_code == 0
+    outcome = run("export", "cart.gains.json", "--to", "c", "-o", "out")
+    assert "waves in place of u and y: push.csv of the simulation is not there" in outcome.output.replace("\n", " ")
+    assert subprocess.run([compiled(Path("out"), "cart")], check=False, capture_output=True).returncode == 0
+    assert Path("out/cart.h").read_text().count("local:") == 1
+    Path("push.csv").write_text("t,w1\n0,0\n2,0\n")
+    assert "waves" not in run("export", "cart.gains.json", "--to", "c", "-o", "two").output
 
 
 def test_the_command_writes_a_folder_and_says_what_is_proved(gains):

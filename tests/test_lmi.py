@@ -14,6 +14,7 @@ from obsdesign.lmi import dominance
 from obsdesign.lmi.formula import (
     Inequality,
     Injection,
+    NextState,
     Problem,
     Unknown,
     block_diagonal,
@@ -295,6 +296,55 @@ def test_a_known_least_gain_with_and_without_projection(a, least):
     assert projected.objective == pytest.approx(least, rel=1e-5)
     assert full.objective == pytest.approx(least, rel=1e-3)
     assert not projected.values["Y"].any()
+
+
+def of_samples(A, C, D, form):
+    """Least mu of the observer e+ = (A + L C) e + (v, 0) + L D v with |z|^2 <= mu |v|^2, z = e, |L| < 2 by a P >= I."""
+    n, (ny, nv) = len(A), D.shape
+    B, size = np.eye(n, nv), n + nv
+    direct, output = np.hstack([A, B]), np.hstack([C, D])
+
+    def formula(v):
+        P, Y = v["P"], v["Y"]
+        S = symmetric([[np.eye(n) - P, np.zeros((n, nv))], [-v["mu"] * np.eye(nv)]])
+        return [
+            Inequality("V+ - V", symmetric([[S, (P @ direct + Y @ output).mT], [-P]])),
+            Inequality("P > 0", -P, strict=True),
+            Inequality("gain", -symmetric([[P, Y], [4 * np.eye(ny)]])),
+        ]
+
+    unknowns = Unknown("P", (n, n), symmetric=True), Unknown("Y", (n, ny)), Unknown("mu", (1, 1))
+    state = {"taken out": NextState(direct, output, "P > 0", slow=True)}
+    state["wrong"] = replace(state["taken out"], output=np.eye(ny, size))
+    return Problem(unknowns, formula, lambda v: v["mu"], next_state=state.get(form))
+
+
+SHOWN = [
+    ([[1, 0, 0, 0, 0.2]], [[0, 0.1]]),
+    ([[1, 0, 0, 0, 0.2], [0, 1, 0, 0.1, 0]], [[0, 0.1], [0.1, 0]]),
+    ([[1, 0, 0, 0, 0.2], [2, 0, 0, 0, 0.4]], [[0, 0.1], [0, 0.2]]),
+    ([[0, 0, 0, 0, 0]], [[0, 0]]),
+]
+
+
+@pytest.mark.parametrize(("C", "D"), SHOWN, ids=["one output", "two", "the same twice", "none"])
+def test_an_inequality_without_the_rows_of_the_next_state_has_the_same_optimum(C, D):
+    A = 0.9 * np.eye(5) + np.diag([0.3] * 4, 1)[:5, :5] - 0.2 * np.eye(5, k=-1)
+    with_rows, without = (of_samples(A, np.array(C), np.array(D), form) for form in ("as written", "taken out"))
+    known, found = minimise(with_rows), minimise(without)
+    assert known.status is found.status is Status.OPTIMAL
+    assert found.objective == pytest.approx(known.objective, rel=1e-6)
+    again = minimise(without, start=known.values)
+    assert (again.solves, again.objective) == (1, pytest.approx(known.objective, rel=1e-6))
+    values = {**found.values, "mu": found.values["mu"] * (1 + 1e-4)}
+    assert np.linalg.eigvalsh(with_rows.inequalities(values)[0].matrix)[-1] < 1e-6 * np.abs(values["P"]).max()
+    assert max(b.order for b in reduce(without).program.blocks) < max(b.order for b in reduce(with_rows).program.blocks)
+
+
+def test_rows_of_a_next_state_that_are_others_are_a_defect():
+    A, C, D = np.diag([0.5, 0.8]), np.array([[1.0, 1.0]]), np.array([[0.0, 0.1]])
+    with pytest.raises(ArithmeticError, match="'V\\+ - V' has other rows of the next state"):
+        minimise(of_samples(A, C, D, "wrong"))
 
 
 def test_an_unobservable_unstable_mode_is_infeasible():

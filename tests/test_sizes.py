@@ -76,6 +76,30 @@ def test_a_gain_that_cancels_the_disturbance_attains_the_limit_of_zero(power):
     assert design.guarantee.gamma <= 1e-2 * 10.0**power
 
 
+def test_a_limit_is_not_called_zero_where_w_acts_and_no_output_tells_of_it():
+    """From w1 to e, with w2 = -C x / D and so y = 0, there is a gain that no L1 changes; by hand, in 60 digits, 269.6.
+
+    Doubles hardly see it: w acts with 100, and y is told to 1e-4.
+    """
+    A, B = [[0, -2, -3], [-3, -2, -3], [-2, -1, 0]], [[0, 0], [100, 0], [-100, 0]]
+    system = {"A": A, "B": B, "C": [[-2, 1, -2]], "D": [[0, 1e-4]]}
+    with pytest.raises(od.UndecidedError, match=r"give `bounds: {L1: "):
+        od.solve(od.Spec(system=system, observer={"type": "l2", "alpha": 1}))
+    design = od.solve(od.Spec(system=system, observer={"type": "l2", "alpha": 1, "bounds": {"L1": 1e5}}))
+    assert design.status == "certified"
+    assert 269.6 < design.limit_bounded["gamma"] < design.guarantee.gamma < 300
+
+
+@pytest.mark.parametrize("kind", ["l2", "linf"])
+def test_where_the_smallest_gain_is_not_proved_a_larger_one_on_the_way_to_it_is(kind):
+    """A of rank 1 and no v: with P near singular a gain of nothing looks as if it moved the pole 0 to -0.6."""
+    first, second = np.array([[1.3], [0.837]]), np.array([[-1.258, 0.967]])
+    system = {"A": (first @ second).tolist(), "C": [[-0.85, 1.32], [0.3, -1.73]]}
+    design = od.solve(od.Spec(system=system, observer={"type": kind, "L2": 0, "alpha": 0.6}))
+    assert design.status == "certified"
+    assert max(np.linalg.eigvals(system["A"] + np.array(design.gains["L1"]) @ system["C"]).real) < -0.6
+
+
 @pytest.mark.parametrize("kind", ["l2", "linf"])
 def test_a_plant_without_a_disturbance_has_gains_within_bounds(kind):
     system = {"A": [[-1, 0], [0, -2]], "C": [[1, 0]]}

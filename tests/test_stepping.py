@@ -108,13 +108,21 @@ def test_the_linear_part_goes_through_what_is_linear():
     assert linear_part(one).tolist() == [[-14, -4], [3, 1]]
 
 
-def test_a_stiff_exact_step_refuses_parts_of_itself_only():
-    one = observer(dynamics=sides(x="-1000000*x", z="z"))
+@pytest.mark.parametrize("share", [1.0, 0.7, 0.5, 2.0**-20, 3e-7, 0.0])
+def test_a_part_of_a_stiff_exact_step_is_its_solution(share):
+    one = observer(dynamics=sides(x="-1000000*x + 1000000*z", z="z"))
     made = with_start(one, "exact", "1/1")
-    made.step(0.0, [0.0], [0.0])
-    assert made.state == pytest.approx([0.0, -2.0 * math.e], abs=1e-12)
-    with pytest.raises(UsageError, match="takes a series of"):
-        made.part(0.0, 0.5, [0.0], [0.0])
+    made.part(0.0, share, [0.0], [0.0])
+    slow = -2 * 1e6 / (1e6 + 1)  # x = slow e^t + (1 - slow) e^(-1e6 t), z = -2 e^t
+    expected = [slow * math.exp(share) + (1 - slow) * math.exp(-1e6 * share), -2 * math.exp(share)]
+    assert made.state == pytest.approx(expected, rel=1e-12)
+
+
+def test_an_exact_step_that_no_doubles_hold_is_refused():
+    with pytest.raises(UsageError, match="takes 4026 sums"):
+        with_start(observer(dynamics=sides(x="-1e300*x", z="-z")), "exact", "1/1").part(0.0, 0.5, [0.0], [0.0])
+    with pytest.raises(UsageError, match="exact over 1 s is beyond what doubles hold"):
+        with_start(observer(dynamics=sides(x="1e5*x", z="-z")), "exact", "1/1").step(0.0, [0.0], [0.0])
 
 
 def test_equations_are_put_in_order():

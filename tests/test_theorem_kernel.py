@@ -158,12 +158,24 @@ def test_a_coqc_that_says_nothing_is_told(gains, coqc, tmp_path):
     assert "coqc does not tell its version" in outcome.stderr
 
 
-def test_a_library_is_compiled_anew_where_a_theorem_is_refused_with_the_one_in_the_cache(gains, coqc, tmp_path):
-    compiled = coqc(f"[ -e '{tmp_path}/damaged' ] && rm '{tmp_path}/damaged' && exit 1; {ACCEPTS}")
-    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 0
-    (tmp_path / "damaged").touch()
-    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 0
-    assert compiled().count("ObsForm.v") == 2
+STALE = "printf 'Error: Compiled library Obs.ObsForm makes inconsistent assumptions over library C\n' >&2"
+
+
+def test_a_library_that_was_altered_or_is_stale_is_compiled_anew_and_after_a_mere_refusal_it_is_not(
+    gains, coqc, tmp_path
+):
+    def verified():
+        return run("verify", gains, "--theorem", "coq", "--compile").exit_code
+
+    compiled = coqc(ACCEPTS)
+    assert (verified(), compiled().count("ObsForm.v")) == (0, 1)
+    coqc(REFUSES)
+    assert (verified(), compiled().count("ObsForm.v")) == (4, 1)
+    coqc(f"[ -e '{tmp_path}/stale' ] && rm '{tmp_path}/stale' && {STALE} && exit 1; {ACCEPTS}")
+    (tmp_path / "stale").touch()
+    assert (verified(), compiled().count("ObsForm.v")) == (0, 2)
+    next((tmp_path / "cache").rglob("ObsForm.vo")).write_text("altered")
+    assert (verified(), compiled().count("ObsForm.v")) == (0, 3)
 
 
 def test_without_coqc_nothing_is_compiled(gains, monkeypatch):

@@ -69,6 +69,8 @@ def test_every_point_of_a_range_is_certified_and_the_knee_is_shipped(observer, b
     assert np.diff(noise).min() >= 0 < noise[-1] - noise[0]
     shipped = next(p for p in points if p["certified"]["gamma"] == gammas[best])
     assert design.analysis["noise_error"] == pytest.approx(shipped["noise_error"])
+    mixed = [note for note in design.notes if note.startswith(f"|{gain}| is in the units of the spec")]
+    assert len(mixed) == (design.gains[gain].size > 1)
 
 
 def test_a_point_is_the_design_of_its_bound():

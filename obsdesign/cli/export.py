@@ -40,8 +40,9 @@ def export(
         paths = made.write(output or f"{made.subject.name}-{to}")
     cost = made.subject.cost()
     if as_json:
-        say(json.dumps({"files": paths, "cost": cost, "words": list(made.subject.words)}, indent=2, ensure_ascii=False))
+        told = {"files": paths, "cost": cost, "words": list(made.subject.words), "notes": list(made.notes)}
+        say(json.dumps(told, indent=2, ensure_ascii=False))
         return
     if not quiet:
-        say("\n".join([*made.subject.words, *(f"written  {path}" for path in paths)]))
+        say("\n".join([*made.subject.words, *(f"written  {path}" for path in paths), *made.notes]))
         say("a step: " + ", ".join(f"{count} {kind}" for kind, count in sorted(cost.items())))

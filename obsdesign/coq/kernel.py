@@ -12,7 +12,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +32,8 @@ INSTALL = "apt-get install coq libcoq-coquelicot"
 NAME = "Theorem.v"
 NONE, SOME = "Closed under the global context", "Axioms:"  # first lines of what `Print Assumptions` says
 STATEMENT = re.compile(r"^(?:Lemma|Theorem|Definition) (\w+)", re.MULTILINE)
+STALE = re.compile("compiled library|magic number|inconsistent assumptions", re.IGNORECASE)
+DIGESTS = "compiled.sha256"  # of what coqc made of the library, beside it
 PLACE = re.compile(r'^File "[^"]*", line (\d+), characters [^:]*:\s*Error', re.MULTILINE)
 
 
@@ -68,14 +70,14 @@ def version() -> str:
 def judged(text: str) -> Judgement:
     """Compile a theorem, and see what its proof rests on.
 
-    Where it is refused with the library of the cache, the library is compiled anew, for it may be damaged.
+    Where coqc finds fault with the compiled library, as after an update of Coquelicot, that is compiled anew.
 
     Raises `UsageError`: coqc is not installed, or lacks Coquelicot. Raises `UndecidedError`: it was ended from outside.
     """
     coq = version()
     kept = compiled_library(coq)
     made = attempt(text, kept, coq)
-    if made.accepted:
+    if made.accepted or not STALE.search(made.why):
         return made
     shutil.rmtree(kept, ignore_errors=True)
     return attempt(text, compiled_library(coq), coq)
@@ -127,8 +129,9 @@ def compiled_library(coq: str) -> Path:
     names = list(modules(files[PROJECT].decode()))
     key = hashlib.sha256(b"\0".join([coq.encode(), *files.values()])).hexdigest()[:16]
     kept = cache() / f"coq-{key}"
-    if all((kept / name).with_suffix(".vo").is_file() for name in names):
-        return kept
+    with suppress(OSError):
+        if (kept / DIGESTS).read_text() == digests(kept, names):
+            return kept
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=kept.parent) as folder:
@@ -141,12 +144,19 @@ def compiled_library(coq: str) -> Path:
                 if found.code or not (made / name).with_suffix(".vo").is_file():
                     said = " ".join(found.errors.split())[-300:] or "it says nothing"
                     raise UsageError(f"--compile: coqc {coq} does not take the library: {said}; {INSTALL}", id="OBS712")
+            (made / DIGESTS).write_text(digests(made, names))
             if kept.exists():  # damaged, or by another process
                 shutil.rmtree(kept) if kept.is_dir() else kept.unlink()
             made.rename(kept)
     except OSError as error:
         raise UsageError(Problem(f"cannot be written: {error.strerror}", str(kept), id="OBS902")) from None
     return kept
+
+
+def digests(folder: Path, names: Sequence[str]) -> str:
+    """Lines of SHA-256 and name of the compiled files; raises `OSError`: one is missing."""
+    compiled = [(folder / name).with_suffix(".vo") for name in names]
+    return "".join(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in compiled)
 
 
 def cache() -> Path:

@@ -13,7 +13,8 @@ import numpy as np
 from obsdesign.data.driver import ROUNDING
 from obsdesign.data.estimation import NOTHING, Estimation, Part, Thinned, told
 from obsdesign.data.innovations import Innovations
-from obsdesign.data.log import Log, Rows
+from obsdesign.data.log import Log
+from obsdesign.data.rows import Rows
 from obsdesign.design import Design
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.lmi.formula import Float
@@ -296,7 +297,7 @@ def entrant(
     counts: dict[str, Any] = {
         "rows": made.rows,
         "missing": made.missing,
-        "late": made.late,
+        "late": made.late or made.delays.unused,
         "uncovered": made.uncovered,
     }
     counts |= {"engine": made.engine, "step": made.step or None}

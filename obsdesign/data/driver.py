@@ -95,7 +95,7 @@ PARTS = """\
             const real slack = {rounding} + 1e-15*fabs(t[k + 1])/h; /* of a period: what is no step of its own */
             const long parts = (long)ceil(span/h - slack);
             long i;
-            for (i = 0; i < (parts < 1 ? 1 : parts); i++) {{
+            for (i = 0; span > 0 && i < (parts < 1 ? 1 : parts); i++) {{
                 const real from = t[k] + i*h, left = t[k + 1] - from;
                 const real on = left > h*(1 - slack) ? h : left;
                 const real share = first ? (from + on/2 - t[k])/span : 0;

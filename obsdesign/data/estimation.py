@@ -10,9 +10,10 @@ from typing import IO, Any, Literal, cast
 import numpy as np
 
 from obsdesign.data.innovations import Innovations
-from obsdesign.data.late import History
-from obsdesign.data.log import Log, Rows
-from obsdesign.data.radius import Radius, radius
+from obsdesign.data.late import Delays, History
+from obsdesign.data.log import Log
+from obsdesign.data.radius import radius
+from obsdesign.data.rows import Rows
 from obsdesign.data.runner import Passed, Runner, runner
 from obsdesign.design import Design
 from obsdesign.disk import whole
@@ -59,9 +60,9 @@ class Estimation:
         self.innovations = Innovations(self.observer.outputs)
         self.radius = radius(design, log.where, self.names)
         self.rows = self.missing = self.late = self.lost = self.uncovered = 0
-        self.engine = ""
+        self.engine, self.delays = "", Delays()
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
-        self.left = False
+        self.left = self.taken = False  # the region of a type; whether there was a measurement at an instant
         self.start: Runner | None = None  # the observer before the first row
         self.measured: float | None = None  # s, the last measurement at an instant, or the first row
 
@@ -73,7 +74,7 @@ class Estimation:
     @cached_property
     def header(self) -> list[str]:
         """Heads of the columns."""
-        radii = self.radius.names if isinstance(self.radius, Radius) else ()
+        radii = self.radius.names if not isinstance(self.radius, str) else ()
         heads = [[f"hat_{n}" for n in self.names], [f"innov_{y}" for y in self.observer.outputs]]
         return ["t", *heads[0], *heads[1], *(f"radius_{n}" for n in radii), "covered"]
 
@@ -162,19 +163,22 @@ class Estimation:
     def part(self, rows: Rows, passed: Passed) -> Part:
         """Rows as they are written, and counted."""
         K = len(passed.estimates)
-        y = rows.y[:K]
-        innovations = y - passed.expected
+        rows = Rows(*(part[:K] for part in rows))
+        y, fresh = rows.y, self.delays.timely(rows) if not self.late_ones else np.ones(K, dtype=bool)
+        innovations = np.where(rows.held[:, None], np.nan, y - passed.expected)
         self.innovations.add(innovations)
         self.innovations.measured(y)
         first, self.rows = self.rows, self.rows + K
         self.missing += int(np.isnan(y).any(axis=1).sum())
-        t = (rows.t if self.late_ones else rows.known)[:K]
-        radii = self.radius.along(np.arange(first, first + K)) if isinstance(self.radius, Radius) else np.zeros((K, 0))
-        known = ~rows.guessed[:K] & np.isfinite(y).all(axis=1)
-        covered = self.inside(passed.arguments, first, known, self.timely(t, y)) & self.covers
+        t = rows.t if self.late_ones else rows.known
+        radii, spread = np.zeros((K, 0)), np.zeros(passed.arguments.shape)
+        if not isinstance(self.radius, str):
+            radii, spread = self.radius.along(first, t, np.asarray(np.isfinite(y).any(axis=1)))
+        known = ~rows.guessed & fresh & (np.isfinite(y).all(axis=1) | bool(self.observer.jump))
+        covered = self.inside(passed.arguments, spread, known & self.timely(t, y)) & self.covers
         radii = np.where(covered[:, None], radii, np.nan)
         self.uncovered += int((~covered).sum())
-        return Part(t, passed.estimates, innovations, radii, covered, rows.truth[:K])
+        return Part(t, passed.estimates, innovations, radii, covered, rows.truth)
 
     @cached_property
     def covers(self) -> bool:
@@ -188,24 +192,22 @@ class Estimation:
             return np.ones(len(t), dtype=bool)
         sampled, kept = cast("SampledGuarantee", guarantee), np.ones(len(t), dtype=bool)
         shortest = sampled.T1 if sampled.ahead is not None else 0.0
-        for k, measured in enumerate(np.asarray(np.isfinite(y).any(axis=1))):
+        for k, found in enumerate(np.isfinite(y).tolist()):
+            measured = any(found)
             gap = float(t[k]) - (self.measured if self.measured is not None else float(t[k]))
-            hasty = measured and self.measured is not None and gap < shortest * (1 - ROUNDING)
-            kept[k] = gap <= sampled.T2 * (1 + ROUNDING) and not hasty
+            hasty = measured and self.taken and gap < shortest * (1 - ROUNDING)
+            kept[k] = gap <= sampled.T2 * (1 + ROUNDING) and not hasty and measured == all(found)
+            self.taken |= measured
             if measured or self.measured is None:
                 self.measured = float(t[k])
         return kept
 
-    def inside(self, q: Float, first: int, known: Array, timely: Array) -> Array:
+    def inside(self, q: Float, spread: Float, kept: Array) -> Array:
         """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing.
 
         Where radii are told, those of the plant too: within the radius of its argument of that in the observer.
-        `first`: number of the first row; `known`: rows in which nothing is missing; `timely`: those of `timely`.
+        `spread`: these radii, (K, nq); `kept`: rows in which nothing is missing or late.
         """
-        kept = known.copy() if not self.observer.jump else np.ones(len(q), dtype=bool)
-        at = np.arange(first, first + len(q))
-        spread = self.radius.of_arguments(at) if isinstance(self.radius, Radius) else np.zeros((len(q), q.shape[1]))
-        kept &= timely
         for column, low, high in self.limits:
             kept &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
         if self.left:
@@ -226,12 +228,13 @@ class Estimation:
         return {
             "rows": self.rows,
             "missing": self.missing,
-            "late": self.late,
-            **({"lost": self.lost} if self.lost else {}),
+            "late": self.late or self.delays.unused,
+            **({"lost": lost} if (lost := self.lost or self.delays.unused) else {}),
+            **self.delays.report(),
             "engine": self.engine,
             "step": self.step or None,
             "uncovered": self.uncovered,
-            "radius": {"premise": self.radius.premise} if isinstance(self.radius, Radius) else {"none": self.radius},
+            "radius": {"premise": self.radius.premise} if not isinstance(self.radius, str) else {"none": self.radius},
             "innovations": self.innovations.report(),
             **({"repaired": told} if told else {}),
         }

@@ -125,7 +125,7 @@ class Interpreted:
         """Go on to the next row in steps of at most h."""
         f, span, jumps = self.functions, t[1] - t[0], self.one.jump is not None
         slack = ROUNDING + 1e-15 * abs(t[1]) / h  # of a period: what is no step of its own
-        for i in range(max(1, math.ceil(span / h - slack))):
+        for i in range(max(1, math.ceil(span / h - slack)) if span > 0 else 0):
             begin = t[0] + i * h
             left = t[1] - begin
             on = left if left <= h * (1 - slack) else h

@@ -1,15 +1,37 @@
-"""Measurements that become known after others that were made later: the observer goes back to them."""
+"""Measurements that become known late: an observer of instants goes back to them, another uses them when they come."""
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from obsdesign.data.log import Rows
+from obsdesign.data.rows import Rows
 from obsdesign.data.runner import Passed, Runner
-from obsdesign.lmi.formula import Float
+from obsdesign.lmi.formula import Array, Float
 
 KEPT = 1000  # measurements that it can go back by
+
+
+@dataclass
+class Delays:
+    """Rows that are used when they arrive."""
+
+    unused: int = 0  # which came after newer ones, and are not used
+    rows: int = 0  # which were used after their time, or at which none was new
+    longest: float = 0.0  # s, from the time of such a row to its first use
+
+    def timely(self, rows: Rows) -> Array:
+        """Rows that were known at their time."""
+        after = np.asarray(rows.known > rows.t) & ~rows.held
+        self.unused += int(rows.unused.sum())
+        self.rows += int((after | rows.held).sum())
+        self.longest = max(self.longest, float((rows.known - rows.t)[after].max(initial=0.0)))
+        return ~(after | rows.held)
+
+    def report(self) -> dict[str, Any]:
+        """Entry of the report, if any row came late."""
+        return {"stale": {"rows": self.rows, "longest": self.longest}} if self.rows else {}
 
 
 @dataclass

@@ -3,14 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
+from obsdesign.data.rows import Rows, joined, newest, sampled
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.files.table import Header, Table, filled, not_rising
-from obsdesign.lmi.formula import Array, Float
+from obsdesign.lmi.formula import Float
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 
@@ -21,18 +22,6 @@ ROWS = 200_000  # that are given at once, where they are
 
 
 COUNTED = ("without_time", "moved", "repeated", "rows")
-
-
-class Rows(NamedTuple):
-    """Some rows of a log, in the order in which they are known."""
-
-    t: Float  # (K,), s
-    u: Float  # (K, nu); what is missing is as it was in the row before
-    y: Float  # (K, ny); NaN where it is missing
-    known: Float  # (K,), s: when each row is known; t where the log says nothing of it
-    lines: Array  # (K,), of the file
-    guessed: Array  # (K,), whether some of u was missing
-    truth: Float  # (K, m), of what is known of the plant beside u and y; NaN where it is missing
 
 
 def table(path: str) -> Table:
@@ -129,7 +118,19 @@ class Log:
             )
 
     def rows(self) -> Iterator[Rows]:
-        """All rows, some at a time."""
+        """All rows, some at a time; where measurements are used when they arrive, the newest are."""
+        if not self.where.arrival or FAMILIES[self.spec.observer.type].sampled:
+            return self.risen()
+        if self.spec.period is None:
+            return newest(self.risen(), self.where.hold == "first")
+
+        def refuse(said: str, line: int) -> UsageError:
+            return self.table.wrong(said, line, id="OBS811")
+
+        return sampled(self.risen(), float(self.spec.period), APART, refuse)
+
+    def risen(self) -> Iterator[Rows]:
+        """Rows in the order in which they are known."""
         last, values = -np.inf, np.full(len(self.spec.inputs), np.nan)
         for rows in self.ordered() if self.repair else self.raw():
             made = self.filled(rows, values)
@@ -152,7 +153,8 @@ class Log:
             known = np.fmax(values[:, -1], t) if self.where.arrival else t
             u, y = values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny]
             truth = values[:, 1 + nu + ny : 1 + len(self.signals)]
-            yield Rows(t, u, y, known, block.lines, np.asarray(np.isnan(u).any(axis=1)), truth)
+            guessed, none = np.asarray(np.isnan(u).any(axis=1)), np.zeros(len(t), dtype=int)
+            yield Rows(t, u, y, known, block.lines, guessed, truth, none > 0, none)
 
     def ordered(self) -> Iterator[Rows]:
         """Rows in order, each instant once, those without one left out."""
@@ -166,12 +168,14 @@ class Log:
                 )
         if not held:
             return
-        rows = Rows(*(np.concatenate(parts) for parts in zip(*held, strict=True)))
+        rows = joined(held)
         timed = np.isfinite(rows.known)
         self.counts["without_time"] += int((~timed).sum())
-        order = np.flatnonzero(timed)[np.argsort(rows.known[timed], kind="stable")]
+        order = np.flatnonzero(timed)[np.lexsort((rows.t[timed], rows.known[timed]))]
         self.counts["moved"] += int((np.diff(rows.known[timed]) < 0).sum())
         once = np.diff(rows.known[order], prepend=-np.inf) > 0
+        if self.where.arrival:  # several may arrive at once
+            once |= np.diff(rows.t[order], prepend=-np.inf) != 0
         self.counts["repeated"] += int((~once).sum())
         order = order[once]
         for k in range(0, len(order), ROWS):
@@ -191,17 +195,17 @@ class Log:
     def require_rising(self, rows: Rows, last: float) -> None:
         """Refuse rows that are not each after the one before, or of a plant in samples not a period after it."""
         gaps = np.diff(rows.known, prepend=last)
-        if len(wrong := np.flatnonzero(~(gaps > 0))):
+        together = (gaps == 0) & bool(self.where.arrival)
+        if len(wrong := np.flatnonzero(~(gaps > 0) & ~together)):
             k = int(wrong[0])
             t, before = rows.known[k], rows.known[k - 1] if k else last
             what = not_rising(t, before)
             said = "--repair sorts rows and leaves out those without a time of their own"
-            raise self.table.wrong(
-                f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]), id="OBS811"
-            )
+            also = "rows stand in the order of arrival" if self.where.arrival else "or name the column of their arrival"
+            raise self.table.wrong(f"{what}; {said}; {also}", int(rows.lines[k]), id="OBS811")
         if not np.isfinite(gaps[np.isfinite(rows.known)][1:]).all() or np.abs(rows.known).max(initial=0.0) > LATEST:
             raise self.table.wrong(f"a time is beyond {LATEST:g} s", int(rows.lines[-1]), id="OBS811")
-        if self.spec.period is None:
+        if self.spec.period is None or self.where.arrival:
             return
         period = float(self.spec.period)
         if not self.clock:

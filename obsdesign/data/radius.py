@@ -1,23 +1,26 @@
 """What is proved of the error of each estimate along a log, from bounds on |v| and on the errors at its start.
 
-It is so of plants in samples alone: of a continuous plant nothing that a log holds says what y does between its rows.
+It is so of plants in samples, and of measurements at instants: of another continuous plant nothing in a log says what y
+does between its rows.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.design import Design
 from obsdesign.families import FAMILIES
-from obsdesign.families.guarantee import Steps
-from obsdesign.lmi.formula import Array, Exact, Float, approximate, identity
+from obsdesign.families.guarantee import Rates, SampledGuarantee, Steps
+from obsdesign.lmi.formula import Array, Exact, Float, approximate, identity, in_floats
 from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 
+RANGES = "the claim holds for ranges of known inputs or outputs, which are not followed along a log"
 OUTWARD = 1 + 1e-9  # rounding of what is computed in doubles here
 
 
@@ -25,7 +28,7 @@ OUTWARD = 1 + 1e-9  # rounding of what is computed in doubles here
 class Radius:
     """Bounds |error| <= reach sqrt(V_k), V_k <= rho^(2 k) V_0 + c |v|^2 (1 - rho^(2 k)) / (1 - rho^2), at row k from 0.
 
-    At rho = 1 V grows by c |v|^2 in each sample.
+    At rho = 1 V grows by c |v|^2 in each sample. The error at row 0 is given, and its bound is this where it is less.
     """
 
     names: tuple[str, ...]  # of estimates
@@ -34,6 +37,7 @@ class Radius:
     rates: Steps
     start: float  # V_0
     v2: float  # |v|^2
+    first: Float  # bounds on the errors at row 0 that are given
     premise: str  # under which they hold
 
     def storage(self, k: Array) -> Float:
@@ -42,29 +46,76 @@ class Radius:
         grown = (1 - left) / lost if lost else k
         return np.asarray(np.sqrt(left * self.start + self.rates.c * self.v2 * grown) * OUTWARD)
 
-    def along(self, k: Array) -> Float:
-        """Radii at rows, (K, names)."""
-        return np.asarray(self.storage(k)[:, None] * self.reach)
+    def along(self, first: int, t: Float, measured: Array) -> tuple[Float, Float]:  # noqa: ARG002
+        """Radii of the estimates (K, names) and of the arguments of f (K, nq) at rows from one on.
 
-    def of_arguments(self, k: Array) -> Float:
-        """Radii of the arguments of f at rows, (K, nq)."""
-        return np.asarray(self.storage(k)[:, None] * self.reach_of_arguments)
+        `t`: their times in s; `measured`: whether y is taken at them.
+        """
+        k = np.arange(first, first + len(t))
+        root = self.storage(k)[:, None]
+        radii = np.where(k[:, None] == 0, np.minimum(root * self.reach, self.first), root * self.reach)
+        return radii, np.asarray(root * self.reach_of_arguments)
 
 
-def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius | str:
+@dataclass
+class SampledRadius:
+    """Bounds |h e| <= reach sqrt(V(t)), for measurements at instants, and |h| |(e, d)(t)|, of which the less counts.
+
+    Between measurements V' <= -2 alpha V + c |v|^2, and at each V grows by no more than kick |eta|^2.
+    """
+
+    names: tuple[str, ...]  # of estimates
+    reach: Float
+    reach_of_arguments: Float
+    rates: Rates
+    V: float  # at the last row; before the first one, at the start
+    v2: float  # |v|^2
+    added: float  # kick |eta|^2
+    premise: str  # under which they hold
+    lengths: Float  # |h| of the estimates
+    lengths_of_arguments: Float
+    lasting: Callable[[Float], Array]  # bounds on |(e, d)| at times after the first row
+    t: float = math.nan  # s, of the last row
+    begin: float = math.nan  # s, of the first
+
+    def along(self, _: int, t: Float, measured: Array) -> tuple[Float, Float]:
+        """Radii of the estimates and of the arguments of f at the rows that follow, as `Radius.along`."""
+        if math.isnan(self.begin) and len(t):
+            self.begin = self.t = float(t[0])
+        root, size = self.storage(t, measured)[:, None], self.lasting(t - self.begin)[:, None] * OUTWARD
+        pairs = (self.reach, self.lengths), (self.reach_of_arguments, self.lengths_of_arguments)
+        radii, spread = (np.minimum(root * reach, size * length) for reach, length in pairs)
+        return radii, spread
+
+    def storage(self, t: Float, measured: Array) -> Float:
+        """Bound on sqrt(V) at the rows that follow, at times t, where `measured` says whether y is taken."""
+        alpha, found = self.rates.alpha, np.zeros(len(t))
+        for k, now in enumerate(t.tolist()):
+            span = now - self.t
+            grown = -math.expm1(-2 * alpha * span) / (2 * alpha) if alpha else span
+            self.V = math.exp(-2 * alpha * span) * self.V + self.rates.c * self.v2 * grown
+            self.V += self.added * bool(measured[k])
+            self.t, found[k] = now, self.V
+        return np.asarray(np.sqrt(found) * OUTWARD)
+
+
+def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius | SampledRadius | str:
     """Radii of the estimates of a design on a log, or why there are none."""
     guarantee, spec = design.guarantee, design.spec
     if guarantee is None:
         return "nothing is proved of these gains"
-    if FAMILIES[spec.observer.type].sampled or FAMILIES[spec.observer.type].equations:
-        return f"of type {spec.observer.type} none is computed along a log"
-    if why := uncovered(design, where):
+    family = FAMILIES[spec.observer.type]
+    instants, none = family.sampled, f"of type {spec.observer.type} none is computed along a log"
+    if why := none if family.equations else unheld(spec, where) if instants else uncovered(design):
         return why
     states = (*spec.plant.states, *spec.model_states)
     if where.v_sup is None or (missing := [name for name in states if name not in where.e0]):
         what = "v_sup" if where.v_sup is None else f"e0 of {', '.join(missing)}"
         return f"data: {{{what}}} is not given"
-    rates, rows = guarantee.rates(), outputs(spec, estimates)
+    rows, given = outputs(spec, estimates), np.array([float(where.e0[name]) for name in states])
+    if instants:
+        return sampled(cast("SampledGuarantee", guarantee), spec, where, rows, given)
+    rates = guarantee.rates()
     assert isinstance(rates, Steps)
     v2 = float(where.v_sup) ** 2 * (float(gain_of(spec.augmented, peaks=True)) if spec.observer.filtered else 1.0)
     if spec.continuous is not None and spec.continuous.defect:
@@ -72,11 +123,51 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     names = tuple(rows)
     H = np.array([rows[name] for name in names], dtype=object).reshape(len(names), len(states))
     P: Any = guarantee.P  # type: ignore[attr-defined]
-    e0 = guarantee.entering(np.array([float(where.e0[name]) for name in states]))  # type: ignore[attr-defined]
+    e0 = guarantee.entering(given)  # type: ignore[attr-defined]
     reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
     if not np.isfinite([*reach, *of_q]).all():
         return "the estimates hold the noise of y at once"
-    return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec))
+    first = np.abs(H.astype(float)).reshape(len(names), len(states)) @ given
+    return Radius(names, reach, of_q, rates, largest(P, e0), v2, first, premise(spec, timed=bool(where.arrival)))
+
+
+def sampled(
+    guarantee: SampledGuarantee, spec: Spec, where: Recorded, rows: Mapping[str, Array], e0: Float
+) -> SampledRadius | str:
+    """Radii where measurements come at instants, of rows of e by estimate, with bounds e0 on the errors before them."""
+    assert where.v_sup is not None
+    if where.eta_sup is None:
+        return "data: {eta_sup} is not given"
+    starts = guarantee.entering(spec.augmented.C)
+    H, C = np.array([*rows.values()], dtype=object).reshape(len(rows), len(e0)), in_floats(spec.augmented.C)
+    reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
+    if not starts or not np.isfinite([*reach, *of_q]).all():
+        return "the storage function is not known to be positive"
+    added = guarantee.kick * float(where.eta_sup) ** 2 if where.eta_sup else 0.0
+    if not math.isfinite(added):
+        return "the certificate says nothing of noise at measurements: data: {eta_sup: 0} leaves it out"
+    rates, start = guarantee.rates(), max(largest(M, e0) for M in starts)
+    assert isinstance(rates, Rates)
+    said = "|v| <= v_sup at all times, |eta| <= eta_sup at all measurements, errors before the first row within e0, the"
+    said += " plant as in the spec, known inputs between rows as hold says, the observer integrated to 1e-6"
+    assumed = [f"assumed: {' and '.join(spec.assumed)}"] if spec.assumed else []
+    lengths, of_arguments = (np.linalg.norm(in_floats(M), axis=1) for M in (H, spec.augmented.Cq))
+    v, eta, size = float(where.v_sup), float(where.eta_sup), float(np.linalg.norm([*e0, *np.abs(C) @ e0]))
+    return SampledRadius(
+        tuple(rows), reach, of_q, rates, start, v**2, added, "; ".join([said, *assumed]), lengths, of_arguments,
+        lambda t: guarantee.lasting(t, size, v, eta),
+    )  # fmt: skip
+
+
+def unheld(spec: Spec, where: Recorded) -> str:
+    """Why what is proved of measurements at instants says nothing of a log, or nothing."""
+    reasons = {
+        "nothing is proved of the steps of an implementation; leave it out": spec.implementation is not None,
+        "measurements come late, and what is proved is of those that came": bool(where.arrival),
+        RANGES: any(block.others for block in spec.nonlinearities),
+        "the claim is local, and where the arguments of f are between rows is not known": bool(spec.validity),
+    }
+    return next((why for why, applies in reasons.items() if applies), "")
 
 
 def largest(P: Exact, e0: Float) -> float:
@@ -98,7 +189,7 @@ def outputs(spec: Spec, estimates: Sequence[str]) -> dict[str, Array]:
     return {name: row for name, row in found.items() if name in estimates}
 
 
-def uncovered(design: Design, where: Recorded) -> str:
+def uncovered(design: Design) -> str:
     """Why what is proved says nothing of a log, or nothing."""
     spec, p = design.spec, design.spec.augmented
     loops = (p.Dqf != 0).any() or (p.Dq != 0).any() or spec.observer.filtered
@@ -114,10 +205,7 @@ def uncovered(design: Design, where: Recorded) -> str:
         "nothing is proved of the continuous plant: give discretise a defect": (
             spec.continuous is not None and spec.continuous.defect is None
         ),
-        "rows are used when they arrive, and nothing is proved of that": bool(where.arrival),
-        "the claim holds for ranges of known inputs or outputs, which are not followed along a log": (
-            any(block.others for block in spec.nonlinearities)
-        ),
+        RANGES: any(block.others for block in spec.nonlinearities),
         "the claim is local, and where the arguments of f are in the plant does not follow from the estimates": (
             bool(spec.validity) and (loops or injected)
         ),
@@ -125,10 +213,12 @@ def uncovered(design: Design, where: Recorded) -> str:
     return next((why for why, applies in reasons.items() if applies), "")
 
 
-def premise(spec: Spec) -> str:
-    """What has to be true of a log for the radii to hold."""
+def premise(spec: Spec, *, timed: bool = False) -> str:
+    """What has to be true of a log for the radii to hold; `timed`: it says when each row became known."""
     said = "|v| <= v_sup at all samples, errors at the first row within e0, the plant as in the spec, rows its samples"
     if spec.continuous is not None:
         said = f"{said}, q and w no faster than defect says, and known inputs constant over each period"
+    if timed:
+        said = f"{said}, up to the first that is used after its time"
     assumed = [f"assumed: {' and '.join(spec.assumed)}"] if spec.assumed else []
     return "; ".join([said, *assumed])

@@ -9,7 +9,8 @@ import numpy as np
 from obsdesign.data.criterion import Course
 from obsdesign.data.estimation import Estimation
 from obsdesign.data.free import Free
-from obsdesign.data.log import Log, Rows
+from obsdesign.data.log import Log
+from obsdesign.data.rows import Rows
 from obsdesign.design import Design
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError

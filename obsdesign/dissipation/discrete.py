@@ -11,12 +11,26 @@ Other than in continuous time, projecting Y out leaves two inequalities: the par
 as well, so that P has a floor, and L2 matters for the least gamma even where M22 < 0.
 """
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from obsdesign.dissipation.inequality import EQUATIONS, Incremental, stored_and_supplied
-from obsdesign.lmi.formula import Array, Injection, Values, symmetric, zeros
+from obsdesign.dissipation.inequality import EQUATIONS, POSITIVE, Incremental, stored_and_supplied
+from obsdesign.lmi.formula import (
+    Array,
+    Inequality,
+    Injection,
+    NextState,
+    Problem,
+    Unknown,
+    Values,
+    symmetric,
+    zeros,
+)
+
+SLOW = 0.7  # rho from which the inequality has the wider margin without the rows of V+; it has less near dead beat
 
 PREDICTED = EQUATIONS.replace("xihat' =", "xihat+ =")
 FILTERED = (
@@ -53,3 +67,22 @@ class Discrete(Incremental):
         n, rows = self.plant.n, self.residual.shape[1]
         right = np.hstack([self.residual, np.zeros((len(self.residual), n))])
         return Injection("Y", np.eye(rows + n, n, -rows), right)
+
+    def problem(
+        self,
+        unknowns: Sequence[Unknown],
+        complete: Callable[[Values], Values],
+        bounded: Callable[[Values], Sequence[Inequality]] = lambda _: (),
+        minimise: str | None = None,
+        injection: Injection | None = None,
+    ) -> Problem:
+        """The theorem, as in continuous time, and which of its rows are those of V+."""
+        made = super().problem(unknowns, complete, bounded, minimise, injection)
+        return made if self.L1 is not None else replace(made, next_state=self.next_state)
+
+    @property
+    def next_state(self) -> NextState:
+        """P [A Bf -B] + Y [C Df -D], and nothing of u."""
+        p, output = self.plant, self.residual
+        nothing = np.zeros((p.n, output.shape[1] - p.n - p.Bf.shape[1] - p.B.shape[1]))
+        return NextState(np.hstack([p.A, p.Bf, -p.B, nothing]), output, POSITIVE, slow=1 - self.rate >= SLOW)

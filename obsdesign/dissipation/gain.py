@@ -115,12 +115,10 @@ def small_gains(
 
     `family`: in rationals; L2 may be free; `gamma`: level to reach, with some room.
     """
-    for fixed in with_L2(family, lambda search: smallest(engine, search, gamma, bounds)):
-        values = smallest(engine, in_floats(fixed), gamma, bounds)
-        if values is None:
-            continue
-        for L1 in rounded_gains(values, bounds):
-            yield replace(fixed, L1=L1), values
+    for fixed in with_L2(family, lambda search: next(smallest(engine, search, gamma, bounds), None)):
+        for values in smallest(engine, in_floats(fixed), gamma, bounds):
+            for L1 in rounded_gains(values, bounds):
+                yield replace(fixed, L1=L1), values
 
 
 def rounded_gains(values: Values, bounds: Bounds) -> Iterator[Array]:
@@ -151,31 +149,33 @@ def with_L2(family: Incremental, solve: Callable[[Incremental], Values | None]) 
         yield replace(family, L2=printed(significant(L2, digits)))
 
 
-def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Values | None:
-    """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found."""
+def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Iterator[Values]:
+    """P, Y, .. of gains of small norm that reach gamma, with mu1 = 1, the smallest first; none if none was found."""
     wide = engine.widest(family.witness(gamma, Bounds(poles=bounds.poles)))
-    if wide.status is not Status.OPTIMAL:
-        return None
-    return descended(least(engine, family), (gamma * (1 - ROOM)) ** 2, wide.values, bounds)
+    if wide.status is Status.OPTIMAL:
+        yield from descended(least(engine, family), (gamma * (1 - ROOM)) ** 2, wide.values, bounds)
 
 
-def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values | None:
-    """P, Y, .. of a gain of small norm whose objective is at most a goal; None if none was found.
+def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Iterator[Values]:
+    """P, Y, .. of a gain of small norm whose objective is at most a goal, then of the larger ones on the way to it.
+
+    These are for where a solver takes a gain that is too small for one that will do, with a P of huge condition.
 
     The smallest kappa is found to `NEAR`, from the gain of the widest margin down; or else from the bound, where a
     solve with more room is lost because a finite gain reaches any level. The last resort is the least objective.
     """
     allowed = limit_of(bounds)
-    values = wide if norm(wide, bounds) <= allowed and bounds.floor is None else None
+    found = [wide] if norm(wide, bounds) <= allowed and bounds.floor is None else []
     start: Values | None = None
 
     def reaches(kappa: float) -> bool:
-        nonlocal start, values
+        nonlocal start
         answer = solve(sized(bounds, kappa), start)
         if answer.status is not Status.OPTIMAL or answer.objective > goal:
             return False
         start = answer.values
-        values = start if norm(start, bounds) <= allowed else values
+        if norm(start, bounds) <= allowed:
+            found.append(start)
         return True
 
     inside, outside = strides(reaches, min(norm(wide, bounds), WIDEST * allowed), 1 / STRIDE, KAPPAS)
@@ -185,10 +185,10 @@ def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values
         fits = start is not None and norm(start, bounds) <= allowed
         if inside is not None and outside is not None and (tolerance == NEAR or not fits):
             inside = edge(reaches, inside, outside, tolerance)
-    if values is None and bounds.L1 is not None:
+    if not found and bounds.L1 is not None:
         best = bounded(solve, bounds)
-        values = best.values if best.status is Status.OPTIMAL and best.objective <= goal else None
-    return values
+        found = [best.values] if best.status is Status.OPTIMAL and best.objective <= goal else []
+    yield from reversed(found)
 
 
 def limit_of(bounds: Bounds) -> float:

@@ -49,6 +49,7 @@ EQUATIONS = (
     "qhat = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y), "
     "yhat = C xihat + Df f(t, y, qhat) + gy, e = xihat - xi, z = H e"
 )
+POSITIVE = "P > 0"
 SMALL = "P <= p I"
 LARGE = "P >= t I"
 
@@ -114,7 +115,7 @@ class Incremental(ABC):
                 self.dissipation(v, weight * (self.H.mT @ self.H), supply),
                 strict=self.about.at_rest == "strict" and not self.rate,
             ),
-            Inequality("P > 0", -v["P"], strict=True),
+            Inequality(POSITIVE, -v["P"], strict=True),
             *self.multiplier.inequalities(v),
         ]
 
@@ -217,9 +218,8 @@ class Incremental(ABC):
 
         def bounded(v: Values) -> list[Inequality]:
             largest = [] if bounds.P is None else [self.storage_bound(v["P"], v["mu"], float(bounds.P))]
-            undisturbed = (
-                [] if self.plant.B.shape[1] else [Inequality("mu >= 1", ONE - v["mu"])]
-            )  # or nothing bounds it
+            # without a disturbance nothing else bounds mu
+            undisturbed = [] if self.plant.B.shape[1] else [Inequality("mu >= 1", ONE - v["mu"])]
             return [*largest, *undisturbed, *self.within(v, bounds)]
 
         unknowns = [Unknown("mu", (1, 1)), *self.gain_unknowns(bounds)]

@@ -9,9 +9,11 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_down, round_up, significant
+from obsdesign.dissipation.elimination import gain_above
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS, gain, limit_of, norm, size_of, sized
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.shift import shifted_plant
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import Array, in_floats, printed, rational_number
@@ -72,7 +74,7 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
     Then gamma can be as small as one likes, and the level is a small share of that of the solution of widest margin.
     """
     least = max(limit.objective, 0.0)
-    if limit.status is Status.INFEASIBLE or least > (SUSPECT * sizes(family)[1]) ** 2:
+    if limit.status is Status.INFEASIBLE or least > (SUSPECT * sizes(family)[1]) ** 2 or unheard(family):
         return None
     share = share_of_widest(engine, family)
     return share if share is not None and math.sqrt(least) <= ROUNDED / SHARE * share else None
@@ -140,11 +142,34 @@ def vanishing(engine: Engine, family: Incremental, limit: Answer) -> Vanishing:
     """
     if family.direct or (limit.gap is not None and limit.objective > 0):  # bounded from below by what v does
         return Vanishing()
+    if unheard(family):
+        return Vanishing()
     silent = kept_out(family)
     attained = silent is not None and engine.widest(silent.feasible()).status is Status.OPTIMAL
     instead = share_of_widest(engine, family) if attained else None
     table = () if instead else falling(engine, family, limit)
     return Vanishing(table, instead if attained or table else cancelled(engine, family, limit), attained and not table)
+
+
+def unheard(family: Incremental) -> bool:
+    """Whether some v moves z while no output tells of it: then no gain keeps gamma below a positive number.
+
+    With D of full row rank, N = null D and v = -D^+ C x + N eta, the output is 0 along x' = (A - B D^+ C) x + B N eta,
+    so xhat = 0 whatever the gains, and z = H x: not zero for all eta unless H (A - B D^+ C)^k B N = 0 for all k < n.
+    """
+    p = shifted_plant(in_floats(family.plant), in_floats(family.multiplier.member))  # f = K q is one of the class
+    _, sizes, right = np.linalg.svd(p.D)
+    if not len(p.D) or len(sizes) < len(p.D) or sizes[-1] <= ROUNDED * sizes[0]:
+        return False
+    reached = p.B @ right[len(p.D) :].T
+    A, seen = p.A - p.B @ np.linalg.pinv(p.D) @ p.C, family.H
+    size = np.abs(seen) @ np.abs(p.B).max(axis=1, initial=0.0)
+    for _ in range(len(A)):
+        if (np.abs(seen @ reached).max(axis=1, initial=0.0) > ROUNDED * size).any():
+            return True
+        size = np.abs(seen) @ np.abs(A) @ np.abs(p.B).max(axis=1, initial=0.0)
+        seen = seen @ A
+    return False
 
 
 def kept_out(family: Incremental) -> Incremental | None:
@@ -217,8 +242,12 @@ def reached(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -
     strict = family.about.at_rest == "strict" and not family.rate
     if not family.about.pace.sampled or strict:
         return False
-    near = engine.widest(family.witness(gamma * (1 + NEAR)))
-    return near.status is Status.OPTIMAL and norm(near.values, bounds) <= FINITE * sizes(family)[0]
+    level, largest = gamma * (1 + NEAR), FINITE * sizes(family)[0]
+    central = gain_above(engine, family, level)
+    if central is not None:
+        return size_of(central, bounds) <= largest
+    near = engine.widest(family.witness(level))
+    return near.status is Status.OPTIMAL and norm(near.values, bounds) <= largest
 
 
 Noise = Callable[[Array], float | None]  # rms of z for the gains L1, for white noise of density 1 in every output

@@ -30,6 +30,7 @@ class Exported:
 
     subject: "Subject"
     files: dict[str, bytes]
+    notes: tuple[str, ...] = ()  # what is to be said of them
 
     def write(self, folder: str | os.PathLike[str]) -> list[str]:
         """Write the files into a folder, which is made and must be empty, all or none; their paths.
@@ -104,8 +105,10 @@ def exported(
         if to == "python" and iskeyword(subject.name):
             said = f"{subject.name} is a word of Python, so no module of this name can be imported"
             raise UsageError(f"--name: {said}; give --name x_{subject.name}", id="OBS904")
-        made: dict[str, bytes] = import_module(f"obsdesign.exports.{to}").files(subject, vectors(design, subject))
-    return Exported(subject, made)
+        tested = vectors(design, subject)
+        made: dict[str, bytes] = import_module(f"obsdesign.exports.{to}").files(subject, tested)
+    about = f"the self-test runs on waves in place of u and y: {tested.why}"
+    return Exported(subject, made, (about,) if tested.why and to == "c" else ())
 
 
 def checked_target(to: str) -> Target:

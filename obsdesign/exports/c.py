@@ -29,7 +29,7 @@ int {ID}_flow({ID}_state *s, {ID}_real t, {ID}_real dt, const {ID}_real *u);
 """
     kept = f"    {ID}_real xhat0[{len(one.plant_states)}];\n    int given, begun;\n" if subject.begins else ""
     return f"""\
-{comment(subject)}
+{comment(subject, *subject.numbers)}
 #ifndef {ID}_H
 #define {ID}_H
 #ifdef __cplusplus
@@ -94,7 +94,7 @@ def source(subject: Subject) -> str:
     bodies += [function(subject, name, tongue) for name in subject.routines if name not in inner]
     names = ", ".join(quoted(name) for name in subject.estimates)
     return "\n".join([
-        comment(subject),
+        comment(subject, *subject.numbers),
         f'#include "{ID}.h"\n#include <math.h>\n#include <stddef.h>\n',
         f"typedef {ID}_real real;\n",
         f"const char *const {ID}_names[{ID}_NE] = {{{names}}};\n",

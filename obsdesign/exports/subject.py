@@ -28,6 +28,7 @@ READ = ("estimate", "predict", "arguments")  # routines that leave the state as 
 TIMED = ("flow", "part")  # .. that go over a time of at most a period
 SHORTEST = fmpq(1, 10**15)  # s, of a period
 ITERATIONS = 60  # of Newton's method in a loop
+MOST_STATES = 12  # of a certificate that is written out
 ARITHMETIC = {"+": "additions", "*": "products", "/": "quotients"}
 
 
@@ -40,6 +41,7 @@ class Subject:
     words: tuple[str, ...]  # where it comes from, and what is proved of it, in lines
     units: dict[str, str]  # of signals, where they have one
     single: bool = False  # numbers are floats of 32 bits
+    numbers: tuple[str, ...] = ()  # of what is proved, so that a reader can hold it, in lines
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -125,7 +127,8 @@ def subject_of(design: Design, name: str, period: str | float | None, method: st
     if steps is not None:
         require_stable(design, steps)
     one = implemented(spec, design.observer, steps)
-    return Subject(name or identifier(stem(design.path)), one, words(design, one), dict(spec.units), single)
+    called = name or identifier(stem(design.path))
+    return Subject(called, one, words(design, one), dict(spec.units), single, numbers(design))
 
 
 def stem(path: str) -> str:
@@ -192,11 +195,38 @@ def words(design: Design, one: Implemented) -> tuple[str, ...]:
     imposed = "implementation" in design.claimed().get("guarantee", {})
     of_steps = "only what is said of them is proved" if imposed else "nothing is proved"
     about = f"in continuous time, with these gains; of its steps {of_steps}" if one.method else "in exact numbers"
-    lines += [f"proved of the observer {about}:", *stated.splitlines(), *spec.provisos]
+    lines += [f"proved of the observer {about}:", *stated.splitlines()]
+    lines += [proviso for proviso in spec.provisos if proviso not in stated]
     theorem = design.recorded.content.get("theorem") if design.recorded else None
     if isinstance(theorem, Mapping):
         lines.append(f"recorded: Coq accepted {theorem.get('name')} of a file with SHA-256 {theorem.get('sha256')}")
     return tuple(lines)
+
+
+def numbers(design: Design) -> tuple[str, ...]:
+    """Numbers of a claim: those of its guarantee, z = H e, and the matrices of its storage function, as exact text.
+
+    A certificate of more than 12 states, or one that is no matrix, is named by its file only.
+    """
+    if not design.proved or design.claim is None:
+        return ()
+    spec, claimed = design.spec, design.claimed()
+    guarantee, certificate = (claimed.get(name, {}) for name in ("guarantee", "certificate"))
+    scalars = [f"{n} = {x}" for n, x in guarantee.items() if isinstance(x, int | float) and not isinstance(x, bool)]
+    lines = [f"with {', '.join(scalars)}"] if scalars else []
+    if FAMILIES[spec.observer.type].equations:
+        return tuple(lines)
+    place = f"the result {design.path}, of the SHA-256 above" if design.recorded else "what solve -o writes of the spec"
+    matrices = {
+        n: rows for n, rows in certificate.items() if isinstance(rows, list) and rows and isinstance(rows[0], list)
+    }
+    if not matrices or len(spec.augmented.A) > MOST_STATES:
+        return (*lines, f"its certificate is in {place}")
+    H = [[str(x) for x in row] for row in spec.H.tolist()]
+    lines += [
+        f"{n} = [{'; '.join(', '.join(map(str, row)) for row in rows)}]" for n, rows in (("H", H), *matrices.items())
+    ]
+    return (*lines, f"its multipliers are in {place}")
 
 
 def identifier(name: str) -> str:
@@ -220,7 +250,7 @@ def shortest(value: float) -> str:
     return text if any(c in text for c in ".e") else f"{text}.0"
 
 
-def comment(subject: Subject) -> str:
-    """Comment of C at the head of a file."""
-    lines = "\n   ".join(line.replace("*/", "* /").replace("/*", "/ *") for line in subject.words)
+def comment(subject: Subject, *further: str) -> str:
+    """Comment of C at the head of a file: what is said of the observer, and further lines."""
+    lines = "\n   ".join(line.replace("*/", "* /").replace("/*", "/ *") for line in (*subject.words, *further))
     return f"/* {lines} */"

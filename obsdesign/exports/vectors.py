@@ -8,6 +8,7 @@ from obsdesign.design import Design
 from obsdesign.errors import Problem, UsageError
 from obsdesign.exports.subject import Subject
 from obsdesign.lmi.formula import Float
+from obsdesign.simulate.recorded import absent
 from obsdesign.simulate.stepped import passage
 from obsdesign.stepping.machine import Machine, StuckError
 from obsdesign.trial import Implementation
@@ -31,13 +32,17 @@ class Vectors:
     on: Float  # (K,), s, to the next row
     estimates: Float  # (K, ne)
     simulated: bool  # whether they are of the simulation of the spec; else of signals that stand for it
+    why: str = ""  # .. where the spec has a simulation
 
 
 def vectors(design: Design, subject: Subject) -> Vectors:
-    """Vectors of the first steps of the simulation of a spec, or of waves where it has none."""
+    """Vectors of the first steps of the simulation of a spec, or of waves where it has none, or its files are gone."""
     simulation = design.spec.simulation
     if simulation is None:
         return waves(subject)
+    if missing := absent(design.spec):
+        said = f"{' and '.join(missing)} of the simulation {'are' if len(missing) > 1 else 'is'} not there"
+        return replace(waves(subject, said), why=said)
     one = subject.implemented
     horizon = min(simulation.horizon, MOST * subject.period)
     brief = replace(simulation, horizon=max(horizon, subject.period), stepped=True, events={})
@@ -61,8 +66,8 @@ def vectors(design: Design, subject: Subject) -> Vectors:
     return Vectors(steps.t, steps.u, steps.y, none, on, found, simulated=True)
 
 
-def waves(subject: Subject) -> Vectors:
-    """Vectors of slow waves in place of u and y."""
+def waves(subject: Subject, why: str = "the spec has no simulation") -> Vectors:
+    """Vectors of slow waves in place of u and y, and why they are needed."""
     one, K = subject.implemented, 50
     t = np.asarray(np.arange(K) * subject.period, dtype=np.float64)
     phase: Float = np.arange(K, dtype=float)[:, None] / 10
@@ -82,7 +87,7 @@ def waves(subject: Subject) -> Vectors:
         pass  # the equations have no value there
     n = len(found)
     if n < LEAST:
-        said = "its equations have no value on the signals that stand for a run; give the spec a simulation"
-        raise UsageError(Problem(f"{said}, whose steps test the code", key="simulation", id="OBS921"))
+        said = f"{why}, and the equations have no value on the signals that stand for a run"
+        raise UsageError(Problem(f"{said}; give one, whose steps test the code", key="simulation", id="OBS921"))
     estimates = np.array(found).reshape(n, len(subject.estimates))
     return Vectors(t[:n], u[:n], y[:n], measured[:n], np.full(n, subject.period), estimates, simulated=False)

@@ -197,6 +197,16 @@ class SampledGuarantee(Guarantee, Protocol):
     def added(self, eta: Array, timer: Array) -> Array:
         """What the noise (K, ny) of measurements adds to V, (K,), for the times to the measurements after them."""
 
+    def entering(self, C: Array) -> list[Array]:
+        """Matrices M, in rationals: V before the first measurement is at most the largest e' M e, where theta = 0."""
+
+    def lasting(self, t: Array, size: float, w_sup: float, eta_sup: float) -> Array:
+        """Bounds on |(e, d)| at times after a start at which it is within a size; infinite where none is known."""
+
+    @property
+    def kick(self) -> float:
+        """What |eta| = 1 adds to V at a measurement at most; infinite where nothing is known of it."""
+
     def distance_bound(self, V_bound: Array) -> Array:
         """What a bound on V says of |(e, d)|, the length of (e, theta~)."""
 

@@ -43,6 +43,7 @@ ENOUGH = "with which gamma is within 10 % of its limit; there is no knee before"
 MIDDLE = (
     "the middle of a curve without a knee: gamma falls evenly as the gain grows, and only noise speaks against that"
 )
+UNITS = "|{gain}| is in the units of the spec, so that a state or an output in another unit may move the knee"
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ class Trader:
         assert best.made
         where = f"from |{self.trade.gain}| = {known[0].gain:.4g} to {known[-1].gain:.4g}"
         said = f"shipped: |{self.trade.gain}| <= {float(best.size):g}, {why}; the curve goes {where}"
-        return replace(best.made, search=search, notes=(*best.made.notes, said), **limits(best.made, known))
+        units = [UNITS.format(gain=self.trade.gain)] if best.made.gains[self.trade.gain].size > 1 else []
+        return replace(best.made, search=search, notes=(*best.made.notes, said, *units), **limits(best.made, known))
 
     def nothing(self, spots: list[Spot], search: Search) -> Outcome:
         """Answer that no bound of the curve has a certified gain."""

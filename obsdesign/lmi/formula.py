@@ -88,6 +88,16 @@ class Injection:
     right: Array
 
 
+@dataclass(frozen=True)
+class NextState:
+    """The first inequality is [[S, (P direct + Y output)'], [., -P]] with P and Y unknown; another is P > 0."""
+
+    direct: Array  # (n, N)
+    output: Array  # (ny, N)
+    positive: str  # name of P > 0
+    slow: bool  # whether V+ is near V, so that these rows are better taken out where Y is not projected out
+
+
 Formula = Callable[[Values], Sequence[Inequality]]  # of the unknowns
 
 
@@ -104,6 +114,7 @@ class Problem:
     minimise: Callable[[Values], Array] | None = None
     injection: Injection | None = None
     data: Formula | None = None
+    next_state: NextState | None = None
 
 
 def he(X: Array) -> Array:

@@ -6,7 +6,8 @@
    semidefinite constraint, such rows make solvers call infeasible problems optimal.)
 3. An unknown that enters as He(left Y right) only is projected out: F <= 0 for some Y iff F <= 0 on ker(right)
    and on ker(left').
-4. Before each solve, rows and coordinates are scaled by powers of two.
+4. The rows of a next state are taken out of the first inequality (`condense`).
+5. Before each solve, rows and coordinates are scaled by powers of two.
 """
 
 from collections.abc import Sequence
@@ -15,8 +16,9 @@ from itertools import accumulate
 
 import numpy as np
 
+from obsdesign.lmi.condense import ahead, condensed, least_slack, spaces
 from obsdesign.lmi.equilibrate import Scales, scaled_coordinates, scales
-from obsdesign.lmi.formula import Array, Injection, Problem, Unknown
+from obsdesign.lmi.formula import Array, NextState, Problem
 from obsdesign.lmi.probe import Block, Program, entries, flat, places, probe, split, with_one
 
 SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
@@ -28,9 +30,9 @@ TINY = 1e-100  # slack that a block without any is given
 class Reduced:
     """A program over z, where x = offset + basis @ z are the coordinates of the unknowns.
 
-    z is a selection of x in scales of its own: x[free] = s[free] z. `pivots` are the coordinates that the equalities
-    determine from these, and `rows` the (block, row) pairs that must vanish. `contradiction` says why the equalities
-    have no solution at all.
+    z is a selection of x in scales of its own: x[free] = s[free] z, and behind it are the coordinates of a slack.
+    `pivots` are the coordinates that the equalities determine from these, and `rows` the (block, row) pairs that must
+    vanish. `contradiction` says why the equalities have no solution at all.
     """
 
     program: Program
@@ -41,6 +43,7 @@ class Reduced:
     pivots: tuple[int, ...] = ()
     rows: tuple[tuple[str, int], ...] = ()
     contradiction: str = ""
+    slack: int = 0  # order of that of the second block
 
     def point(self, z: Array) -> Array:
         """Coordinates x of the unknowns; what was projected out is zero."""
@@ -49,26 +52,31 @@ class Reduced:
 
     def near(self, x: Array) -> Array:
         """Return z of a point x."""
-        return np.asarray(x[self.free] / self.scales.s[self.free])
+        z = np.asarray(x[self.free] / self.scales.s[self.free])
+        return np.append(z, least_slack(self.program.blocks[1], z, self.slack)) if self.slack else z
 
 
 def reduce(problem: Problem, program: Program | None = None, scaling: Scales | None = None) -> Reduced:
-    """Apply steps 1 to 3; an injection that an equality ties is left in.
+    """Apply steps 1 to 4; an injection that an equality ties is left in.
 
     What is known already, the probed program or the scales, is not made again.
     """
     program = program or probe(problem)
     scaling = scaling or scales(problem, program)
-    size, unknowns, injection = len(program.cost), problem.unknowns, problem.injection
+    size = len(program.cost)
     reduced = eliminate(Reduced(scaling.of(program), np.arange(size), np.zeros(size), np.diag(scaling.s), scaling))
-    if injection and not reduced.contradiction:
-        reduced = eliminate(project(reduced, unknowns, injection))
-    return reduced
+    if reduced.contradiction:
+        return reduced
+    if problem.injection and (projected := project(reduced, problem)):
+        return eliminate(projected)
+    state = problem.next_state
+    return condense(reduced, state) if state and state.slow else reduced
 
 
 def between(a: Reduced, b: Reduced, weight: float) -> Reduced | None:
     """Reduction (1 - weight) a + weight b of a formula affine in a parameter; None if they differ in structure."""
     same = a.scales is b.scales and a.rows == b.rows and a.pivots == b.pivots and np.array_equal(a.free, b.free)
+    same = same and a.slack == b.slack
     if not same or a.contradiction or b.contradiction or (a.basis != b.basis).any() or (a.offset != b.offset).any():
         return None
 
@@ -160,24 +168,28 @@ def over(program: Program, S: Array) -> Program:
     return Program(cost[1:], float(cost[0]), tuple(block.over(S) for block in program.blocks))
 
 
-def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection) -> Reduced:
-    """Drop the injection: its inequality F <= 0 becomes F <= 0 on ker(right) and on ker(left')."""
-    edges = np.cumsum([0, *(u.size for u in unknowns)])
-    d = reduced.scales.rows[0]
-    place = [u.name for u in unknowns].index(injection.unknown)
+def project(reduced: Reduced, problem: Problem) -> Reduced | None:
+    """Drop the injection: its inequality F <= 0 becomes F <= 0 on ker(right) and on ker(left'); None where it is tied.
+
+    Of a next state, the former is without its rows: there these are -P <= 0 by themselves.
+    """
+    injection, state = problem.injection, problem.next_state
+    assert injection is not None
+    edges = np.cumsum([0, *(u.size for u in problem.unknowns)])
+    d, keep = reduced.scales.rows[0], kept(reduced)
+    place = [u.name for u in problem.unknowns].index(injection.unknown)
     inside = (reduced.free >= edges[place]) & (reduced.free < edges[place + 1])
     first, *others = reduced.program.blocks
-    keep = np.ones(len(injection.left), dtype=bool)
-    keep[[row for name, row in reduced.rows if name == first.name]] = False
     terms = np.append(False, inside)
-    untouched = inside.sum() == unknowns[place].size and not any(b.terms[terms].any() for b in others)
+    untouched = inside.sum() == problem.unknowns[place].size and not any(b.terms[terms].any() for b in others)
     if not untouched or keep.sum() != first.order:
-        return reduced
+        return None
+    onward, right = ahead(state, d, keep) if state else (np.eye(first.order), (injection.right * d)[:, keep])
     parts = (
-        replace(first.congruent(null_space(factor)), name=f"{first.name} {where}")
-        for factor, where in (
-            ((injection.right * d)[:, keep], "without injection"),
-            ((injection.left.T * d)[:, keep], "beyond it"),
+        replace(first.congruent(basis), name=f"{first.name} {where}")
+        for basis, where in (
+            (onward @ null_space(right), "without injection"),
+            (null_space((injection.left.T * d)[:, keep]), "beyond it"),
         )
     )
     blocks = [replace(b, terms=b.terms[~terms]) for b in (*parts, *others) if b.order]
@@ -189,12 +201,31 @@ def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection)
     )
 
 
+def kept(reduced: Reduced) -> Array:
+    """Mask of the rows of the first inequality that need not vanish."""
+    keep = np.ones(len(reduced.scales.rows[0]), dtype=bool)
+    keep[[row for name, row in reduced.rows if name == reduced.program.blocks[0].name]] = False
+    return keep
+
+
+def condense(reduced: Reduced, state: NextState) -> Reduced:
+    """Take the rows of the next state out of the first inequality; P > 0 is in the slack, where there is one."""
+    first, *others = reduced.program.blocks
+    made, order = condensed(first, *ahead(state, reduced.scales.rows[0], kept(reduced)))
+    more = order * (order + 1) // 2
+    rest = [b for b in others if not order or b.name != state.positive]
+    blocks = [replace(b, terms=np.concatenate([b.terms, np.zeros((more, b.order, b.order))])) for b in rest]
+    return replace(
+        reduced,
+        program=Program(np.append(reduced.program.cost, np.zeros(more)), reduced.program.constant, (*made, *blocks)),
+        basis=np.hstack([reduced.basis, np.zeros((len(reduced.basis), more))]),
+        slack=order,
+    )
+
+
 def null_space(matrix: Array) -> Array:
     """Orthonormal basis of the null space, as columns; the units of rows do not matter."""
-    size = np.abs(matrix).max(axis=1, initial=0.0, keepdims=True)
-    _, singular, Vt = np.linalg.svd(matrix / np.where(size > 0, size, 1.0))
-    rank = int((singular > ZERO * max(matrix.shape) * singular.max(initial=0) * 100).sum())
-    return np.asarray(Vt[rank:].T)
+    return spaces(matrix)[1]
 
 
 def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:

@@ -70,5 +70,6 @@ def read_data(reader: Reader, section: Data | None, layout: Layout, xm: Sequence
         hold=section.hold,
         arrival=section.arrival or "",
         v_sup=None if section.v_sup is None else reader.number(section.v_sup, (*loc, "v_sup"), ">= 0"),
+        eta_sup=None if section.eta_sup is None else reader.number(section.eta_sup, (*loc, "eta_sup"), ">= 0"),
         e0={name: reader.number(text, (*loc, "e0", name), ">= 0") for name, text in section.e0.items()},
     )

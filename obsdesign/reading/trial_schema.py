@@ -125,6 +125,12 @@ class Data(Section):
     v_sup: str | None = key(
         ENTRY, "bound on |v| while the log was made, for radii", otherwise="no radii", example="1.2"
     )
+    eta_sup: str | None = key(
+        ENTRY,
+        f"{SAMPLED}: bound on the noise |eta| of each measurement of the log, for radii",
+        otherwise="no radii",
+        example="0.01",
+    )
     e0: dict[str, str] = key(
         MapOf(ENTRY),
         "bounds on the errors of the estimates of x and xm at the start, for radii",

@@ -20,6 +20,7 @@ WEIGHTS = np.array([5, 8, 5]) / 18  # of the quadrature
 LAGRANGE = np.linalg.inv(np.vander(NODES, increasing=True)).T  # row j: coefficients of l_j, from the constant on
 SMALL = 1e-8  # of a change between two iterates, against the size of d
 ITERATIONS, SLOW = 30, 5  # at most; from so many on, J is renewed
+KEPT = 64  # lengths whose matrices are kept
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,31 @@ class Step:
         """Return d (m, S) after a part of a step of length h, with N (m, 3, S) at its nodes."""
         free, driven = propagators(self.J, h, self.unit, np.array([part]))
         return np.asarray(free[:, 0] @ d + driven.reshape(len(d), -1) @ N.reshape(-1, d.shape[1]))
+
+
+class Steps:
+    """Steps of several lengths with one J (m, m), zero at first, in units that balance the first other J."""
+
+    def __init__(self, m: int) -> None:
+        self.J, self.unit = np.zeros((m, m)), np.ones(m)
+        self._made: dict[float, Step] = {}
+
+    def renew(self, J: Float) -> None:
+        """Take another J; raises `FloatingPointError` if it is not finite."""
+        if not np.isfinite(J).all():
+            raise FloatingPointError("the model has no finite value")
+        if not self.J.any():
+            self.unit = balanced(J)
+        self.J, self._made = J, {}
+
+    def of(self, h: float) -> Step:
+        """Step of a length, as far as doubles of its ends tell it."""
+        length = float(f"{h:.9g}")
+        if length not in self._made:
+            if len(self._made) >= KEPT:
+                self._made.clear()
+            self._made[length] = Step.of(self.J, h, self.unit)
+        return self._made[length]
 
 
 def propagators(J: Float, h: float, unit: Float, ends: Float) -> tuple[Float, Float]:

@@ -1,5 +1,6 @@
 """Groups of slots of an array program: how each is filled from the slots before it, and its derivatives."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -64,6 +65,7 @@ class Terms(Group):
         self.start, self.stop = start, start + len(terms)
         self.terms, self.names = tuple(terms), tuple(names)
         self.values = vector_function(self.terms, self.names)
+        self._slopes = np.zeros((len(terms), start))  # where they were differentiated last
 
     @cached_property
     def partials(self) -> tuple[Array, Array, Callable[[Sequence[float]], list[float]]]:
@@ -94,7 +96,8 @@ class Terms(Group):
 
     def differentiate(self, X: Float, dX: Float) -> None:
         """Chain rule."""
-        dX[self.start : self.stop] = self.jacobian(X) @ dX[: self.start]
+        self._slopes = self.jacobian(X)
+        dX[self.start : self.stop] = self._slopes @ dX[: self.start]
 
     def jacobian(self, X: Float) -> Float:
         """Derivatives of the terms by the slots before, (terms, start)."""
@@ -104,9 +107,9 @@ class Terms(Group):
         return J
 
     def rounding(self, X: Float) -> float:
-        """Size of the terms if nothing cancelled in their arguments."""
-        J = self.jacobian(X)
-        return float(np.linalg.norm(J) * np.linalg.norm(X[: self.start][J.any(axis=0)]))
+        """Size of the terms if nothing cancelled in their arguments, at the X where they were differentiated last."""
+        J = self._slopes
+        return size(J.ravel()) * size(X[: self.start][J.any(axis=0)])
 
 
 class Loop(Group):
@@ -165,9 +168,9 @@ class Loop(Group):
                 step = np.asarray(np.linalg.solve(self._matrix(X), residual), dtype=float)
             except np.linalg.LinAlgError:
                 break
-            if np.linalg.norm(step) <= LOOP_TOLERANCE * (np.linalg.norm(phi) + 1e-5 * self.terms.rounding(X)):
+            if size(step) <= LOOP_TOLERANCE * (size(phi) + 1e-5 * self.terms.rounding(X)):
                 return np.asarray(phi - step)
-            if np.linalg.norm(residual) <= ROUNDING * np.linalg.norm(phi):
+            if size(residual) <= ROUNDING * size(phi):
                 return phi
             phi, residual = self._descend(X, phi, residual, step)
         raise FloatingPointError(NO_SOLUTION)
@@ -177,9 +180,14 @@ class Loop(Group):
         for shrink in 0.5 ** np.arange(30):
             trial = phi - shrink * step
             left = self._residual(X, trial)
-            if np.linalg.norm(left) < np.linalg.norm(residual):
+            if size(left) < size(residual):
                 return trial, left
         raise FloatingPointError(NO_SOLUTION)
+
+
+def size(v: Float) -> float:
+    """|v|, of few numbers at once."""
+    return math.sqrt(v @ v)
 
 
 def span(slots: Array) -> slice | Array:

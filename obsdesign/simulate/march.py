@@ -12,17 +12,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from obsdesign.lmi.formula import Float
-from obsdesign.simulate.collocation import LAGRANGE, NODES, SLOW, SMALL, Step
+from obsdesign.simulate.collocation import LAGRANGE, NODES, SLOW, SMALL, Step, Steps
 from obsdesign.simulate.integrate import HUGE, PATH, Tolerance, Trajectory, Vector
 from obsdesign.simulate.scenario import Stretch
-from obsdesign.simulate.sizes import balanced, sizes
+from obsdesign.simulate.sizes import sizes
 from obsdesign.simulate.system import System
 
 SHARE = 1 / 16  # of c1 c2 c3: the largest integral of (s - c1) (s - c2) (s - c3) over [0, x], x in [0, 1]
 AT_START = LAGRANGE[:, 0]  # l_j(0)
 ROOM = 1 / 64  # of the tolerance: below, the next step is twice as long
 EFFORT = 20, 2000  # steps for each stretch, and as many more: a flow that needs more is left to LSODA
-KEPT = 64  # lengths whose matrices are kept
 TOLD = 1000  # stretches between two reports of progress
 
 
@@ -36,8 +35,7 @@ class March:
         self.absolute = tolerance.absolute[: self.m]
         self.X = np.ones((len(self.program.slots), 1 + len(NODES)))
         self.level, self.slow = 0, True  # halvings of a stretch; whether the iteration asks for another J
-        self.J, self.unit = np.zeros((self.m, self.m)), np.ones(self.m)
-        self.steps: dict[float, Step] = {}
+        self.steps = Steps(self.m)
         self.sampled, self.path_t, self.path_s = list[Vector](), list[float](), list[Vector]()
         self.stride, self.kept, self.tried = 1, 0, 0
 
@@ -68,8 +66,8 @@ class March:
     def step(self, t: float, h: float, s: Vector, held: Vector) -> tuple[Vector, float]:
         """State after a step, and how much of the tolerance its error may be; samples within it are taken."""
         if self.slow:
-            self.renew(t, s, held)
-        made, m, X = self.matrices(h), self.m, self.X
+            self.steps.renew(self.system.jacobian(t, s, held)[: self.m, : self.m])
+        made, m, X = self.steps.of(h), self.m, self.X
         X[1], X[2 : 2 + m, 0] = t + h * np.append(0.0, NODES), s[:m]
 
         def rates(at: Float) -> Float:
@@ -79,7 +77,7 @@ class March:
 
         end, _, N, count = made.advance(s[:m, None], rates, self.absolute / SMALL)
         self.slow = count >= SLOW
-        left_out = X[self.system.rates, 0] - self.J @ s[:m] - N[..., 0] @ AT_START
+        left_out = X[self.system.rates, 0] - self.steps.J @ s[:m] - N[..., 0] @ AT_START
         new = np.concatenate((end[:, 0], s[m:]))
         scale = self.tolerance.relative * np.maximum(np.abs(s[:m]), np.abs(new[:m])) + self.absolute
         wrong = float((SHARE * h * np.abs(left_out) / scale).max())
@@ -96,25 +94,6 @@ class March:
         inputs = len(self.program.inputs)
         for column in self.X.T:
             column[:] = self.program.run(column[1], column[2:inputs], column[:0])
-
-    def renew(self, t: float, s: Vector, held: Vector) -> None:
-        """Take the Jacobian anew."""
-        m = self.m
-        J = self.system.jacobian(t, s, held)[:m, :m]
-        if not np.isfinite(J).all():
-            raise FloatingPointError("the model has no finite value")
-        if not self.J.any():
-            self.unit = balanced(J)
-        self.J, self.steps = J, {}
-
-    def matrices(self, h: float) -> Step:
-        """Matrices of a step of this length, as far as doubles of its ends tell it."""
-        length = float(f"{h:.9g}")
-        if length not in self.steps:
-            if len(self.steps) >= KEPT:
-                self.steps.clear()
-            self.steps[length] = Step.of(self.J, h, self.unit)
-        return self.steps[length]
 
     def take(self, t: float, h: float, s: Vector, made: Step, N: Float) -> None:
         """Take the samples in [t, t + h)."""

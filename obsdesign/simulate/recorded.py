@@ -221,7 +221,7 @@ def place(spec: Spec, column: Column) -> str:
     """
     if column.path:
         return column.path
-    looked = {os.path.join(folder, column.file): folder for folder in folders(spec)}
+    looked = places(spec, column)
     for path, folder in looked.items():
         if os.path.lexists(path):
             require_own(column, folder, path)
@@ -230,6 +230,20 @@ def place(spec: Spec, column: Column) -> str:
     if spec.origin and not is_still(spec):
         said += f"; the spec of these gains, {spec.origin}, is not there as it was"
     raise UsageError(Problem(said, key=column.key, id="OBS101"))
+
+
+def places(spec: Spec, column: Column) -> dict[str, str]:
+    """Paths at which the file of a column may be, each with the folder that it is below."""
+    return {os.path.join(folder, column.file): folder for folder in folders(spec)}
+
+
+def absent(spec: Spec) -> list[str]:
+    """Files that a run of a spec follows and that are not there, as they are named."""
+    columns = spec.simulation.recorded.values() if spec.simulation else ()
+    found = [
+        one.file for one in columns if not any(map(os.path.lexists, [one.path] if one.path else places(spec, one)))
+    ]
+    return list(dict.fromkeys(found))
 
 
 def followed(spec: Spec) -> list[str]:

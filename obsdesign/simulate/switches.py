@@ -97,7 +97,7 @@ class Watch:
         def signs_at(t: float) -> Float:
             return np.sign(self.values(t, path(t), held))
 
-        times = np.linspace(solver.t_old, solver.t, LOOKS + 1)
+        times = [solver.t_old + k / LOOKS * (solver.t - solver.t_old) for k in range(LOOKS)] + [solver.t]
         last = next((k for k in range(1, LOOKS + 1) if (signs_at(times[k]) != signs).any()), None)
         if last is None:
             return None

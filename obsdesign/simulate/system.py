@@ -96,8 +96,9 @@ class System:
         smooth |= {zero(name): side for name, side in self.switches.smooth.items()}
         made.made |= {zero(name): side for name, side in self.switches.others.items()}
         self.program = Program(inputs, made.made, [*outputs, *deciding])
-        self.smooth = Program((*inputs, *signs), smooth, [*map(rate, (*self.flowing, *INTEGRALS)), *deciding])
-        self.rates, self.deciding = self.smooth.places(map(rate, (*self.flowing, *INTEGRALS))), deciding
+        rates = tuple(map(rate, (*self.flowing, *INTEGRALS)))
+        self.smooth, self.turning = (Program((*inputs, *signs), smooth, wanted) for wanted in (rates, deciding))
+        self.rates, self.deciding = self.smooth.places(rates), deciding
         jumps = (*map(after, self.jumping), *self.seen) if observer.jump else ()
         self.jumps = Program((*inputs, *filter(None, [observer.gap])), made.made, jumps)
         self.landing = self.jumps.places(jumps)
@@ -160,10 +161,10 @@ class System:
     @property
     def watch(self) -> Watch | None:
         """The jumps and kinks that depend on the states; None without any."""
-        now, anew = self.smooth.places(self.deciding), self.program.places(self.deciding)
+        now, anew = (program.places(self.deciding) for program in (self.turning, self.program))
 
         def values(t: float, s: Vector, held: Vector) -> Vector:
-            return self.smooth.run(t, s[: self.width], held)[now]
+            return self.turning.run(t, s[: self.width], held)[now]
 
         def true_values(t: float, s: Vector, held: Vector) -> Vector:
             return self.program.run(t, s[: self.width], held[: self.beside_states])[anew]

@@ -12,14 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Float
-from obsdesign.simulate.collocation import NODES, SLOW, SMALL, Step
+from obsdesign.simulate.collocation import NODES, SLOW, SMALL, Step, Steps
 from obsdesign.simulate.definitions import rate
 from obsdesign.simulate.integrate import HUGE, Trajectory, Vector
-from obsdesign.simulate.march import AT_START, KEPT, ROOM, SHARE
+from obsdesign.simulate.march import AT_START, ROOM, SHARE
 from obsdesign.simulate.program import Program
 from obsdesign.simulate.scenario import Stretch
 from obsdesign.simulate.simulation import tolerance
-from obsdesign.simulate.sizes import balanced, sizes
+from obsdesign.simulate.sizes import sizes
 from obsdesign.simulate.system import INTEGRALS, System
 
 ACCURATE = 1e-6  # of the largest of a state in all runs: the error of a step
@@ -74,7 +74,7 @@ class Together:
         self.reserve()
         self.level, self.tried, self.allowed = 0, 0, EFFORT[1]
         self.slow, self.fresh = True, 0  # whether J is to be renewed; iterations of a step right after that
-        self.J, self.unit, self.steps = np.zeros((self.m, self.m)), np.ones(self.m), dict[float, Step]()
+        self.steps = Steps(self.m)
         self.sampled, self.path_t, self.path_s = list[Float](), list[float](), list[Float]()
         self.stride, self.kept, self.held = 1, 0, np.zeros((0, self.count))
 
@@ -129,7 +129,7 @@ class Together:
         """States after a step, and how much of the tolerance the largest error may be; samples within it are taken."""
         if self.slow:
             self.renew(t)
-        made, m, X, s = self.matrices(h), self.m, self.X, self.s
+        made, m, X, s = self.steps.of(h), self.m, self.X, self.s
         X[1], X[2 : 2 + m, 0] = (t + h * np.append(0.0, NODES))[:, None], s
 
         def rates(at: Float) -> Float:
@@ -142,7 +142,7 @@ class Together:
         new, _, N, iterations = made.advance(s, rates, self.absolute / SMALL)
         self.fresh = iterations if self.slow else self.fresh
         self.slow = iterations >= max(SLOW, self.fresh + WORN)
-        left_out = X[self.rates, 0] - self.J @ s - np.einsum("inS,n->iS", N, AT_START)
+        left_out = X[self.rates, 0] - self.steps.J @ s - np.einsum("inS,n->iS", N, AT_START)
         scale = ACCURATE * np.maximum(np.abs(s), np.abs(new)).max(axis=1) + self.absolute
         wrong = float((SHARE * h * np.abs(left_out).max(axis=1) / scale).max())
         if wrong <= 1:
@@ -152,21 +152,7 @@ class Together:
     def renew(self, t: float) -> None:
         """Take the Jacobian anew, at the mean of all runs."""
         X = self.program.run(t, self.s.mean(axis=1), self.held.mean(axis=1))
-        J = self.program.derivatives(X, self.program.inputs[2 : 2 + self.m])[self.rates]
-        if not np.isfinite(J).all():
-            raise FloatingPointError("the model has no finite value")
-        if not self.J.any():
-            self.unit = balanced(J)
-        self.J, self.steps = J, {}
-
-    def matrices(self, h: float) -> Step:
-        """Matrices of a step of this length, as far as doubles of its ends tell it."""
-        length = float(f"{h:.9g}")
-        if length not in self.steps:
-            if len(self.steps) >= KEPT:
-                self.steps.clear()
-            self.steps[length] = Step.of(self.J, h, self.unit)
-        return self.steps[length]
+        self.steps.renew(self.program.derivatives(X, self.program.inputs[2 : 2 + self.m])[self.rates])
 
     def size(self) -> Float:
         """Size of the state of each run, as `integrate` has it."""

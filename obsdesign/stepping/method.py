@@ -7,7 +7,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
-from obsdesign.expressions import Expression
+from obsdesign.expressions import Expression, parse
 from obsdesign.families.observer import Correction, Observer
 from obsdesign.lmi.formula import Array, Exact, in_floats, rational
 from obsdesign.model.equations import free, linear, total
@@ -15,6 +15,7 @@ from obsdesign.model.equations import free, linear, total
 METHODS = ("euler", "rk4", "exact")
 SMALL = 2.0**-56  # terms of a series are left out below this
 LONGEST = 2000  # statements of a part of an exact step
+REACHED = parse("d >= least", {"d", "least"})
 
 Step = tuple[dict[str, Expression], dict[str, Expression]]  # algebraic signals, and the next value of each state
 
@@ -111,11 +112,15 @@ def exact(observer: Observer, h: Expression, period: fmpq) -> Step:
 
 
 def integrated(A: Array, h: float) -> Array:
-    """Integral over [0, h] of exp(A r) dr, in doubles."""
+    """Integral over [0, h] of exp(A r) dr, in doubles; raises `UsageError` where it is too large for these."""
     from scipy.linalg import expm
 
     n = len(A)
-    grown = expm(h * np.block([[A, np.eye(n)], [np.zeros((n, 2 * n))]]))
+    with np.errstate(all="ignore"):
+        grown = expm(h * np.block([[A, np.eye(n)], [np.zeros((n, 2 * n))]]))
+    if not np.isfinite(grown).all():
+        said = f"exact over {h:g} s is beyond what doubles hold, so large is the linear part"
+        raise UsageError(f"{said}; take a shorter period", id="OBS920")
     return np.asarray(grown[:n, n:])
 
 
@@ -124,33 +129,45 @@ def series(
 ) -> tuple[dict[str, Expression], list[Expression]]:
     """Integral over [0, h] of exp(A r) dr times the rates k, for any h up to the period: w' = A w + k from w = 0.
 
-    In steps d with |A| d <= 1, each by the series d (r + d/2 A (r + d/3 A (r + ..))), r = A w + k.
+    Where |A| times the period is above 1, h is taken apart, h = sum of b_m d_m + d, with d_m = period/2^m, b_m 0 or 1,
+    and |A| d <= 1: w + b_m G_m (A w + k) for each m, G_m the integral over [0, d_m] in doubles. What is left of h, all
+    of it where |A| is small, goes by the series d (r + d/2 A (r + d/3 A (r + ..))), r = A w + k.
     """
-    size = float(np.abs(in_floats(A)).sum(axis=1).max(initial=0.0)) * float(period.p) / float(period.q)
-    parts = max(1, math.ceil(size))
-    terms = next(m for m in range(1, 100) if (size / parts) ** m / math.factorial(m + 1) < SMALL)
-    if parts * terms * len(A) > LONGEST:
-        said = f"exact over a part of a period takes a series of {parts * terms} terms; take method rk4, or a shorter"
-        raise UsageError(f"{said} period", id="OBS920")
-    d, made, w = h * Expression.number(fmpq(1, parts)), dict[str, Expression](), list[str]()
+    span = float(period.p) / float(period.q)
+    size = float(np.abs(in_floats(A)).sum(axis=1).max(initial=0.0)) * span
+    halvings = range(math.ceil(math.log2(size)) + 1 if size > 1 else 0)
+    least = size / 2.0 ** max(0, len(halvings) - 1)
+    terms = next(m for m in range(1, 100) if least**m / math.factorial(m + 1) < SMALL)
+    if (2 * len(halvings) + terms) * len(A) > LONGEST:
+        said = f"exact over a part of a period takes {(2 * len(halvings) + terms) * len(A)} sums; take method rk4, or a"
+        raise UsageError(f"{said} shorter period", id="OBS920")
+    k, made = [Expression.variable(name) for name in rates], dict[str, Expression]()
+    w, d = [Expression.number(0)] * len(A), h
 
     def named(letter: str, sides: Sequence[Expression]) -> list[str]:
-        names = [free(f"{letter}_{i}", taken) for i in range(1, len(A) + 1)]
+        names = [free(f"{letter}_{i}", taken) for i in range(1, len(sides) + 1)]
         made.update(zip(names, sides, strict=True))
         return names
 
-    for part in range(1, parts + 1):
-        k = [Expression.variable(name) for name in rates]
-        r = named(f"r{part}", total(k, linear(A, w)) if w else k)
-        z = r
-        for m in range(terms, 1, -1):
-            share = d * Expression.number(fmpq(1, m))
-            z = named(
-                f"z{part}_{m}", [Expression.variable(a) + share * b for a, b in zip(r, linear(A, z), strict=True)]
-            )
-        grown = [d * Expression.variable(name) for name in z]
-        w = named(f"w{part}", total([Expression.variable(name) for name in w], grown) if w else grown)
-    return made, [Expression.variable(name) for name in w]
+    def variables(letter: str, sides: Sequence[Expression]) -> list[Expression]:
+        return [Expression.variable(name) for name in named(letter, sides)]
+
+    grown = list[str]()  # names of w
+    for m in halvings:
+        share = period / 2**m
+        (b,) = variables(f"b{m}", [REACHED.substituted({"d": d, "least": Expression.number(share)})])
+        r = named(f"r{m}", total(k, linear(A, grown)) if grown else k)
+        G = rational(integrated(in_floats(A), span / 2.0**m))
+        w = total(w, [b * side for side in linear(G, r)])
+        grown = named(f"w{m}", w)
+        w = [Expression.variable(name) for name in grown]
+        (d,) = variables(f"d{m}", [d + Expression.number(-share) * b])
+    r = named("r", total(k, linear(A, grown)) if grown else k)
+    z = r
+    for m in range(terms, 1, -1):
+        part = d * Expression.number(fmpq(1, m))
+        z = named(f"z{m}", [Expression.variable(a) + part * b for a, b in zip(r, linear(A, z), strict=True)])
+    return made, total(w, [d * Expression.variable(name) for name in z])
 
 
 def linear_part(observer: Observer) -> Exact:

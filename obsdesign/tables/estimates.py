@@ -13,7 +13,13 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
     """What is said of a log, and the files that estimates and figure are in."""
     holes = f", {report['missing']:,} with something missing" if report["missing"] else ""
     rows = [("rows", f"{report['rows']:,}{holes}")]
-    rows += [("late", f"{report['late']:,} rows")] if report["late"] else []
+    unused = f", {report['lost']:,} of them not used" if report.get("lost") else ""
+    rows += (
+        [("late", f"{report['late']:,} rows came after others that were made later{unused}")] if report["late"] else []
+    )
+    if stale := report.get("stale"):
+        said = f"{stale['rows']:,} rows, y used up to {plain(stale['longest'])} s after its time, or held on"
+        rows.append(("stale", f"{said}; nothing is proved from the first of them on"))
     counts = report.get("repaired", {}).items()
     rows += [("repaired", ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts))] if counts else []
     steps = f", in steps of {plain(report['step'])} s, found by halving" if report["step"] else ""

@@ -89,10 +89,6 @@ observer: {type: l2, L2: 0, alpha: 0.5, bounds: {L1: 100}}
 """
 
 
-@pytest.mark.xfail(
-    reason="not met: 1.4 to 1.7 of the same plant in samples; one solve of the larger cone takes twice as long",
-    strict=False,  # a time on a machine that does something else may be any
-)
 def test_a_design_in_discrete_time_costs_no_more_than_1_3_times_as_much(benchmark):
     plants = CONTINUOUS, CONTINUOUS.replace("system: {", "system: {discretise: {period: 0.1}, ")
     continuous, discrete = map(loads, plants)

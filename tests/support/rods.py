@@ -7,15 +7,15 @@ from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.model.plant import Plant
 
 
-def family(name, A, B, C, D, alpha=0.1, H=None):
-    """Inequality of a family (l2, linf) in doubles, for a plant without f and L1 to be found."""
+def family(name, A, B, C, D, rate=0.1, H=None, *, sampled=False):
+    """Inequality of a family (l2, linf) in doubles for a plant without f, L1 to be found; `rate`: alpha, or 1 - rho."""
     A, B, C, D = (np.atleast_2d(np.asarray(X, dtype=float)) for X in (A, B, C, D))
     n, nw, ny = len(A), B.shape[1], len(C)
     none = np.zeros
     names = (tuple(f"x{i}" for i in range(n)), tuple(f"w{i}" for i in range(nw)), tuple(f"y{i}" for i in range(ny)))
     plant = Plant(A, none((n, 0)), B, none((0, n)), none((0, 0)), none((0, nw)), C, none((ny, 0)), D, *names)
     L2 = none((0, ny))
-    return theorem(name, sampled=False)(plant, Multiplier(()), np.eye(n) if H is None else H, alpha, None, L2)
+    return theorem(name, sampled=sampled)(plant, Multiplier(()), np.eye(n) if H is None else H, rate, None, L2)
 
 
 def rod(n, heaters, thermometers, noise=0.1):

@@ -51,9 +51,9 @@ def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Claim | N
     if wide.status is not Status.OPTIMAL:
         return
     goal = float(constant) * (1 + ROOM)
-    values = descended(stretch.reaching(goal), stretch.objective(goal), wide.values, study.bounds)
-    for L1 in rounded_gains(values, study.bounds) if values else ():
-        yield -L1, study.proved(-L1, constant)
+    for values in descended(stretch.reaching(goal), stretch.objective(goal), wide.values, study.bounds):
+        for L1 in rounded_gains(values, study.bounds):
+            yield -L1, study.proved(-L1, constant)
 
 
 def short(study: Study, constant: fmpq) -> str:

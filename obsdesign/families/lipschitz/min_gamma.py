@@ -84,9 +84,9 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
     """Gains of small norm that reach a gamma in a family, in more and more digits, and their proofs."""
-    values = smallest(study.engine, family, gamma, study.bounds)
-    for L1 in rounded_gains(values, study.bounds) if values else ():
-        yield -L1, study.proved(-L1, constant, gamma, values)
+    for values in smallest(study.engine, family, gamma, study.bounds):
+        for L1 in rounded_gains(values, study.bounds):
+            yield -L1, study.proved(-L1, constant, gamma, values)
 
 
 def widened(study: Study) -> dict[str, Any]:

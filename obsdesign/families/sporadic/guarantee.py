@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
-from flint import arb
+from flint import arb, fmpq
 
 from obsdesign.families.guarantee import (
     Bound,
@@ -86,6 +86,27 @@ class SporadicGuarantee:
     def added(self, eta: Array, timer: Array) -> Array:
         """What the noise (K, ny) of measurements adds to V, exp(delta tau) eta' P2 eta, (K,)."""
         return np.asarray(np.exp(self.delta * timer) * np.einsum("ki,ij,kj->k", eta, self.doubles[1], eta))
+
+    def entering(self, C: Array) -> list[Array]:
+        """P1 + exp(delta T2) C' P2 C, for d = C e."""
+        ratio = fmpq(printed(upper((arb(printed(self.delta)) * arb(printed(self.T2))).exp())))
+        return [rational(self.P1) + ratio * (C.mT @ rational(self.P2) @ C)]
+
+    def lasting(self, t: Array, size: float, w_sup: float, eta_sup: float) -> Array:
+        """Bounds on |(e, d)|, as `stays` has them."""
+        rho1, rho2, omega2 = self.extent
+        found, twice = np.sqrt(rho2 / rho1) * np.exp(-self.decay * t) * size, 2 * self.decay * rho1
+        if w_sup:
+            found = found + (self.gamma / np.sqrt(twice) * w_sup if twice else np.inf)
+        if eta_sup:
+            forgotten = -np.expm1(-2 * self.decay * self.T1)
+            found = found + (np.sqrt(omega2 / rho1 / forgotten) * eta_sup if forgotten else np.inf)
+        return np.asarray(found)
+
+    @property
+    def kick(self) -> float:
+        """Largest exp(delta tau) eta' P2 eta."""
+        return self.extent[2]
 
     def storage(self, course: Course) -> Array:
         """V along a run, (M,)."""

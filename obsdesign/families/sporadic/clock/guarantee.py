@@ -20,7 +20,7 @@ from obsdesign.families.guarantee import (
 )
 from obsdesign.families.sporadic.clock.witness import Witness
 from obsdesign.families.sporadic.guarantee import measurements
-from obsdesign.lmi.formula import Array, Float, Inequality, above, below, zeros
+from obsdesign.lmi.formula import Array, Float, Inequality, above, below, identity, zeros
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.spectrum import extremes, lower, upper
 
@@ -102,6 +102,25 @@ class ClockGuarantee:
         """What |eta|^2 adds to V at most, beside it; infinite where nothing is known of it."""
         found = self.witness.numbers.get("kappa")
         return float("inf") if found is None else above(found)
+
+    def entering(self, C: Array) -> list[Array]:
+        """Matrices of V at the error (e, C e), or e, whatever the clock says."""
+        n = self.witness.theorem.system.order - C.shape[1]
+        onto = np.vstack([identity(C.shape[1], C), C]) if n else identity(C.shape[1], C)
+        return [onto.mT @ P @ onto for P in self.positive]
+
+    def lasting(self, t: Array, size: float, w_sup: float, eta_sup: float) -> Array:
+        """Bounds on |x|, as `stays` has them."""
+        parts = {"overshoot": np.exp(-self.rate * t) * size, "disturbance": w_sup + 0 * t, "noise": eta_sup + 0 * t}
+        acting = [name for name, part in parts.items() if part.any()]
+        if not self.constants.keys() >= set(acting) or (len(acting) > 1 and not self.adds):
+            return np.full(len(t), np.inf)
+        return np.asarray(sum((self.constants[name] * parts[name] for name in acting), 0 * t))
+
+    @property
+    def kick(self) -> float:
+        """The constant kappa."""
+        return self.kappa
 
     @cached_property
     def floor(self) -> float:
