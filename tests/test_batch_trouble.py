@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from support.commands import begin, run
+from support.sweep import SWEEP
 from test_batch import GOOD, HIDDEN, WRONG, entries, lasting, put, summary
 
 import obsdesign as od
@@ -194,13 +195,13 @@ def test_a_folder_without_locks_is_written_all_the_same(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("here")
-def test_batches_killed_at_twenty_moments_lose_nothing():
+def test_batches_killed_at_any_moment_lose_nothing():
     for i in range(30):
         put(f"specs/s{i}.yaml")
     put("specs/x.yaml", HIDDEN)
     run("batch", "specs", "--simulate", "--out", "undisturbed", "-q")
     draw, done = random.Random(1), set()
-    for _ in range(20):
+    for _ in range(SWEEP.size(20)):
         process = started("specs", "--simulate", "--jobs", 2, "--out", "results")
         time.sleep(draw.uniform(0.2, 4.0))
         process.kill()

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from support.commands import files, run
+from support.logs import log
 from support.shipped import SPECS, solved
 
 import obsdesign as od
@@ -25,6 +26,7 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.files import table
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
+from obsdesign.tables.estimates import estimates_table
 from obsdesign.work import trial
 
 SCALAR = """
@@ -48,13 +50,6 @@ def scalar():
     """A design, and a run of it: signals and the truth."""
     design = od.solve(loads(SCALAR))
     return design, design.simulate()
-
-
-def log(path, header, *columns, sep=","):
-    """A log with these columns, NaN where nothing stands."""
-    rows = [sep.join("" if np.isnan(x) else repr(float(x)) for x in row) for row in np.column_stack(columns)]
-    Path(path).write_text("\n".join([sep.join(header), *rows, ""]))
-    return path
 
 
 def of_run(made, path="log.csv"):
@@ -370,6 +365,43 @@ def test_rows_that_drift_from_their_samples_are_refused(scalar):
         od.estimate(design, path)
 
 
+def test_a_gap_of_whole_periods_is_as_many_rows_without_outputs(scalar):
+    design, made = scalar
+    y = made.y[:, 0].copy()
+    lacking = np.isin(np.arange(len(y)), [3, 4, 5, 9, 20])
+    y[lacking] = np.nan
+    u = made.u[:, 0].copy()
+    u[lacking] = np.nan
+    whole = od.estimate(design, log("whole.csv", ["t", "force", "y"], made.t, u, y))
+    kept = ~lacking
+    found = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t[kept], u[kept], y[kept]))
+    assert found["t"] == pytest.approx(made.t, abs=1e-12)
+    assert found.rows == pytest.approx(whole.rows, nan_ok=True)
+    assert (found.report["rows"], found.report["missing"], found.report["gaps"]) == (len(y), 5, 5)
+    assert "5 samples without a row" in estimates_table(found.report, "", "")
+
+
+def test_a_gap_may_lie_between_two_blocks(scalar, monkeypatch):
+    design, made = scalar
+    kept = ~np.isin(np.arange(len(made.t)), [*range(3, 9), 20, 31])
+    path = log("log.csv", ["t", "force", "y"], made.t[kept], made.u[kept], made.y[kept])
+    whole = od.estimate(design, path)
+    monkeypatch.setattr(table, "BLOCK", 40)
+    assert od.estimate(design, path).rows == pytest.approx(whole.rows, nan_ok=True)
+
+
+def test_innovations_that_the_premise_does_not_allow_are_counted(scalar):
+    """|y - yhat| <= |e| + 0.05 |v|: none of the run contradicts it, one that is just beyond the bound does."""
+    design, made = scalar
+    found = od.estimate(design, of_run(made))
+    assert "contradicted" not in found.report
+    y, bound = made.y.copy(), found["radius_x"] + 0.05 * 1.5
+    for factor in (0.999, 1.001):
+        y[40, 0] = made.y[40, 0] - found["innov_y"][40] + factor * bound[40]
+        told = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, made.u, y)).report
+        assert ("contradicted" in told) == ("contradicts these" in estimates_table(told, "", "")) == (factor > 1)
+
+
 def test_a_known_input_that_is_missing_ends_what_is_proved(scalar):
     design, made = scalar
     u = made.u.copy()
@@ -480,6 +512,28 @@ def test_any_dialect_is_read(scalar):
     Path("notes.csv").write_text("\n".join([f"{rows[0]},note", *(f"{row},a b" for row in rows[1:])]))
     for path in ("tabs.csv", "semi.csv", "quoted.csv", "notes.csv"):
         assert od.estimate(design, path).rows.tolist() == expected.rows.tolist()
+
+
+def test_comments_before_the_heads_are_skipped(scalar):
+    """Also where the heads are the last of them, as numpy writes it."""
+    design, made = scalar
+    expected = od.estimate(design, of_run(made)).rows.tolist()
+    heads, *rows = Path("log.csv").read_text().splitlines()
+    for start in ("# a bench; of May\n#\n{}", "# a bench\n# {}", "\ufeff# a bench\n{}"):
+        Path("noted.csv").write_text("\n".join([start.format(heads), *rows, ""]), encoding="utf-8")
+        assert od.estimate(design, "noted.csv").rows.tolist() == expected
+    Path("noted.csv").write_text("\n".join(["# a bench", "#", heads, rows[0], "0.1,x,1", ""]))
+    with pytest.raises(UsageError, match=r"noted\.csv:5:0: force: 'x' is no number"):
+        od.estimate(design, "noted.csv")
+
+
+def test_a_byte_that_is_not_utf_8_is_told_with_its_line(scalar):
+    Path("log.csv").write_bytes("t,force,y,note\n0,0,1,ok\n0.1,,1,\u00e9t\u00e9\n".encode("latin-1"))
+    with pytest.raises(UsageError, match=r"log\.csv:3:0: the byte 0xE9 is no text in UTF-8; .*iconv -f latin1"):
+        od.estimate(scalar[0], "log.csv")
+    Path("log.csv").write_bytes("t,force,y,\u00b0C\n0,0,1,2\n".encode("latin-1"))
+    with pytest.raises(UsageError, match=r"log\.csv:1:0: the byte 0xB0"):
+        od.estimate(scalar[0], "log.csv")
 
 
 def test_columns_are_mapped_and_scaled(scalar):
@@ -828,6 +882,25 @@ def test_an_observer_that_escapes_is_told_with_the_row():
     t = np.arange(0, 0.1, 1e-3)
     with pytest.raises(UndecidedError, match=r"log.csv:[0-9]+:0: the observer has no finite value after this row"):
         od.estimate(design, log("log.csv", ["t", *spec.plant.outputs], t, np.ones((len(t), 2))))
+
+
+ESCAPES = CONTINUOUS.replace(
+    "observer:", "nonlinearities: [{f: q**3, type: {slope: [0, 3], region: {q: [-1, 1]}}, Bf: [1], Cq: [1]}]\nobserver:"
+).replace("A: [[-1]]", "A: [[-4]]")
+
+
+@pytest.mark.parametrize("steps", ["", "implementation: {period: 0.01}\n"])
+def test_a_value_that_stands_out_is_told_where_the_observer_escapes(steps):
+    design = trial(loads(ESCAPES + steps))
+    t = 0.1 * np.arange(30)
+    y = np.cos(t)
+    assert od.estimate(design, log("log.csv", ["t", "y"], t, y)).report["rows"] == 30
+    y[12] = 1e12
+    path = log("log.csv", ["t", "y"], t, y)
+    with pytest.raises(UndecidedError, match=r"line 14 has y = 1e\+12, and the others at most 1: leave it empty"):
+        od.estimate(design, path)
+    y[12] = np.nan
+    assert od.estimate(design, log("log.csv", ["t", "y"], t, y)).report["missing"] == 1
 
 
 def test_what_is_known_of_a_log_is_set_beside_a_result(gains):

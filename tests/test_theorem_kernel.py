@@ -244,6 +244,7 @@ def test_only_what_rests_on_the_axioms_of_the_reals_is_accepted(printed, count, 
 
 
 @pytest.mark.slow
+@pytest.mark.sweep  # half a minute of coqc, as what follows; by hand
 @needs_coq
 def test_the_command_that_is_printed_compiles_library_and_theorem(gains):
     for command in ("obsdesign theorem --library library", "obsdesign verify tank.gains.json --theorem coq"):

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from obsdesign.data.driver import ROUNDING
-from obsdesign.data.estimation import NOTHING, Estimation, Part, Thinned, told
+from obsdesign.data.estimation import NOTHING, Estimation, Part, told
 from obsdesign.data.innovations import Innovations
 from obsdesign.data.log import Log
 from obsdesign.data.rows import Rows
+from obsdesign.data.thinned import Thinned
 from obsdesign.design import Design
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.lmi.formula import Float
@@ -319,7 +320,9 @@ def cost_of(made: Estimation) -> Cost | None:
     log, start = made.log, made.start
     if made.late_ones or start is None:
         return None
-    rows = first_of(Log(log.table, log.spec, log.where, log.repair, truth=log.truth))
+    rows = first_of(Log(log.table, log.spec, log.where, log.repair, truth=log.truth)).cut(made.waited)
+    if not len(rows.t):
+        return None
     least, spent = math.inf, 0.0
     while spent < LEAST:
         one = start.copied()

@@ -3,7 +3,6 @@
 from functools import cached_property
 
 from obsdesign.exports.subject import Subject
-from obsdesign.stepping.implemented import Implemented
 from obsdesign.stepping.routine import Routine
 
 ROUNDING = 1e-9  # of a period: what is left of a row's time and is no step
@@ -19,33 +18,39 @@ class Engine(Subject):
         one = self.implemented
         part = {"part": one.part} if one.part is not None and not self.instants else {}
         arguments = {"arguments": one.arguments} if one.watched else {}
-        return {**self.exported, **part, "predict": one.predict, **arguments}
+        regain = {"regain": one.regain} if one.regain else {}
+        return {**self.exported, **part, "predict": one.predict, **arguments, **regain}
 
 
-def foresees(one: Implemented) -> bool:
-    """Whether what is expected of y does not depend on it, so that it can stand for what is missing."""
-    return not any(name in one.observer.outputs for name in one.predict.given)
-
-
-DRIVER = """
-int observer_size(void) {{ return (int)sizeof(observer_state); }}
-
-/* y with what is missing filled: by what is expected, or by what was known last. Whether all of it is known then. */
+FILLED = """
+/* y with what is expected where it is missing. Whether all of it is known then. */
 static int filled(const observer_state *s, real t, const real *u, const real *y, real *last, real *expected, real *full)
 {{
     int j;
+    (void)last;
+    for (j = 0; j < {ny}; j++) full[j] = isfinite(y[j]) ? y[j] : 0;
+    if (observer_predict(s, t, u, full, expected)) return 0;
+    for (j = 0; j < {ny}; j++)
+        if (!isfinite(y[j])) full[j] = expected[j];
+    return 1;
+}}
+"""
+TOLD = """
+/* y where it is known, else as it was known last; behind the known inputs, which of y are known. Whether it could. */
+static int filled(const observer_state *s, real t, real *u, const real *y, real *last, real *expected, real *full)
+{{
+    int j;
     for (j = 0; j < {ny}; j++) {{
+        u[{at} + j] = isfinite(y[j]) ? 1 : 0;
         if (isfinite(y[j])) last[j] = y[j];
         full[j] = isfinite(last[j]) ? last[j] : 0;
     }}
-    if (observer_predict(s, t, u, full, expected)) return 0;
-    for (j = 0; j < {ny}; j++) {{
-        if ({foresees} && !isfinite(y[j])) full[j] = expected[j];
-        if (!isfinite(y[j]) && !{foresees} && !isfinite(last[j])) return 0;
-    }}
-    return 1;
+    return expected == NULL || !observer_predict(s, t, u, full, expected);
 }}
-
+"""
+DRIVER = """
+int observer_size(void) {{ return (int)sizeof(observer_state); }}
+{filling}
 long observer_run(observer_state *s, long K, int begin, int first, double h, const real *t, const real *u,
                   const real *y, real *out, real *expected, real *arguments, real *last)
 {{
@@ -66,22 +71,26 @@ long observer_run(observer_state *s, long K, int begin, int first, double h, con
 }}
 """
 RECORD = """\
-            if (!filled(s, t[k], now, seen, last, expected + k*{ny}, full)) return k;
-{start}{jump}            if (observer_estimate(s, t[k], now, full, out + k*{ne})) return k;
+{copied}            if (!filled(s, t[k], {now}, seen, last, expected + k*{ny}, full)) return k;
+{start}{jump}            if (observer_estimate(s, t[k], {now}, full, out + k*{ne})) return k;
 {arguments}"""
 AHEAD = """\
             for (j = 0; j < {ny}; j++) full[j] = isfinite(seen[j]) ? seen[j] : 0;
-            if (observer_estimate(s, t[k], now, full, out + k*{ne})) return k;
+{copied}            if (observer_estimate(s, t[k], {now}, full, out + k*{ne})) return k;
+"""
+COPIED = """\
+            for (j = 0; j < {nu}; j++) inputs[j] = now[j];
 """
 BEGIN = """\
-            if (!start(s, t[k], now, full)) return k;
+            if (!start(s, t[k], {now}, full)) return k;
 """
 JUMP = """\
             for (j = 0; j < {ny} && !isfinite(seen[j]); j++) continue;
             if (j < {ny} && observer_jump(s, t[k], now, full)) return k;
 """
 NEXT = """\
-        if (!filled(s, t[k], now, seen, last, hoped, full) || observer_step(s, t[k], now, full)) return k + 1;
+{copied}        if (!filled(s, t[k], {now}, seen, last, {hoped}, full)) return k + 1;
+        if (observer_step(s, t[k], {now}, full)) return k + 1;
 """
 REACHED = """\
         for (j = 0; j < {nu}; j++) {{ inputs[j] = now[j]; inputs[{nu} + j] = now[{nu} + j]; }}
@@ -89,13 +98,25 @@ REACHED = """\
         for (j = 0; j < {ny}; j++) full[j] = isfinite(seen[{ny} + j]) ? seen[{ny} + j] : expected[(k + 1)*{ny} + j];
         if (observer_step(s, t[k], inputs, full)) return k + 1;
 """
+REACHED_IN_PART = """\
+        for (j = 0; j < {nu}; j++) {{ inputs[j] = now[j]; inputs[{width} + j] = now[{nu} + j]; }}
+        filled(s, t[k], inputs, seen, last, NULL, full);
+        filled(s, t[k], inputs + {width}, seen + {ny}, last, NULL, full);
+        if (observer_predict(s, t[k], inputs, full, expected + (k + 1)*{ny})) return k + 1;
+        if (observer_step(s, t[k], inputs, full)) return k + 1;
+"""
+REGAIN = """\
+            for (j = 0; j < {nu}; j++) inputs[j] = now[j];
+            filled(s, t[k], inputs, seen, last, NULL, full);
+            if (observer_regain(s, t[k], inputs, full)) return k + 1;
+"""
 PARTS = """\
         {{
             const real span = t[k + 1] - t[k];
             const real slack = {rounding} + 1e-15*fabs(t[k + 1])/h; /* of a period: what is no step of its own */
             const long parts = (long)ceil(span/h - slack);
             long i;
-            for (i = 0; span > 0 && i < (parts < 1 ? 1 : parts); i++) {{
+{regain}            for (i = 0; span > 0 && i < (parts < 1 ? 1 : parts); i++) {{
                 const real from = t[k] + i*h, left = t[k + 1] - from;
                 const real on = left > h*(1 - slack) ? h : left;
                 const real share = first ? (from + on/2 - t[k])/span : 0;
@@ -103,7 +124,7 @@ PARTS = """\
                 for (j = 0; j < {nu}; j++) inputs[j] = now[j] + share*(now[{nu} + j] - now[j]);
                 for (j = 0; j < {ny}; j++)
                     known[j] = seen[j] + (first && isfinite(seen[{ny} + j]) ? share*(seen[{ny} + j] - seen[j]) : 0);
-                if (!filled(s, from, inputs, known, last, hoped, full)) return k + 1;
+                if (!filled(s, from, inputs, known, last, {hoped}, full)) return k + 1;
                 if ({go}) return k + 1;
             }}
         }}
@@ -112,16 +133,26 @@ PARTS = """\
 
 def driver(subject: Engine) -> str:
     """C of the way along rows."""
-    one = subject.implemented
-    nu, ny, ne = len(subject.inputs), len(subject.outputs), len(subject.estimates)
-    sizes = {"nu": nu, "ny": ny, "ne": ne, "ny1": max(1, ny), "nu2": max(1, 2 * nu), "rounding": ROUNDING}
-    arguments = f"            if (observer_arguments(s, t[k], now, full, arguments + k*{len(one.watched)})) return k;\n"
+    one, part = subject.implemented, bool(subject.implemented.known)
+    ny, ne, width = len(subject.outputs), len(subject.estimates), len(subject.inputs)
+    nu = width - len(one.known)
+    sizes: dict[str, object] = {
+        "nu": nu,
+        "ny": ny,
+        "ne": ne,
+        "ny1": max(1, ny),
+        "nu2": max(1, 2 * width),
+        "rounding": ROUNDING,
+    }
+    sizes |= {"at": nu, "width": width, "now": "inputs" if part else "now", "hoped": "NULL" if part else "hoped"}
+    sizes |= {"copied": COPIED.format(nu=nu) if part else ""}
+    arguments = f"if (observer_arguments(s, t[k], {sizes['now']}, full, arguments + k*{len(one.watched)})) return k;"
     jump = JUMP.format(**sizes) if subject.instants else ""
     record = (AHEAD if subject.ahead else RECORD).format(
         **sizes,
-        start=BEGIN if subject.begins else "",
+        start=BEGIN.format(**sizes) if subject.begins else "",
         jump=jump,
-        arguments=arguments if one.watched and not subject.ahead else "",
+        arguments=f"            {arguments}\n" if one.watched and not subject.ahead else "",
     )
     whole = "observer_step(s, from, inputs, full)" if not subject.instants else "observer_flow(s, from, on, inputs)"
     go = (
@@ -129,5 +160,9 @@ def driver(subject: Engine) -> str:
         if subject.instants
         else f"on > observer_PERIOD*(1 - {ROUNDING}) ? {whole} : observer_part(s, from, on, inputs, full)"
     )
-    advance = PARTS.format(**sizes, go=go) if one.method else (REACHED if subject.ahead else NEXT).format(**sizes)
-    return DRIVER.format(**sizes, foresees=int(foresees(one)), record=record, advance=advance)
+    reached = REACHED_IN_PART if part else REACHED
+    regain = REGAIN.format(**sizes) if one.regain else ""
+    pattern = PARTS if one.method else reached if subject.ahead else NEXT
+    advance = pattern.format(**sizes, go=go, regain=regain)
+    filling = (TOLD if part else FILLED).format(**sizes)
+    return DRIVER.format(**sizes, filling=filling, record=record, advance=advance)

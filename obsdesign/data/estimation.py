@@ -5,27 +5,28 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import IO, Any, Literal, cast
+from typing import IO, Any, Literal
 
 import numpy as np
 
+from obsdesign.data.coverage import Coverage
+from obsdesign.data.escape import cause
 from obsdesign.data.innovations import Innovations
 from obsdesign.data.late import Delays, History
-from obsdesign.data.log import Log
-from obsdesign.data.radius import radius
+from obsdesign.data.log import REPAIRED, Log
+from obsdesign.data.radius import Radius, radius
 from obsdesign.data.rows import Rows
 from obsdesign.data.runner import Passed, Runner, runner
+from obsdesign.data.thinned import Thinned
 from obsdesign.design import Design
 from obsdesign.disk import whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
-from obsdesign.families.guarantee import ROUNDING, SampledGuarantee
 from obsdesign.lmi.formula import Array, Float, rational_number
-from obsdesign.spec import Spec, limited
-from obsdesign.stepping.implemented import implemented, watched
+from obsdesign.spec import Spec
+from obsdesign.stepping.implemented import implemented
 from obsdesign.trial import Implementation
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
-DRAWN = 6000  # rows of a figure at most
 RTOL = 1e-6  # of estimates between rows, where the spec tells no steps
 MOST = 1_000_000  # steps between two rows
 FINEST = 2**14  # parts of the time between rows, beyond which a spec must tell its steps
@@ -59,12 +60,12 @@ class Estimation:
         self.first = log.where.hold == "first"
         self.innovations = Innovations(self.observer.outputs)
         self.radius = radius(design, log.where, self.names)
-        self.rows = self.missing = self.late = self.lost = self.uncovered = 0
+        self.rows = self.missing = self.late = self.lost = self.uncovered = self.contradicted = 0
+        self.waited, self.begins_with = 0, tuple[str, ...]()  # rows before the first that has these outputs
         self.engine, self.delays = "", Delays()
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
-        self.left = self.taken = False  # the region of a type; whether there was a measurement at an instant
+        self.coverage = Coverage(design, late=self.late_ones)
         self.start: Runner | None = None  # the observer before the first row
-        self.measured: float | None = None  # s, the last measurement at an instant, or the first row
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,11 +84,15 @@ class Estimation:
         before: Rows | None = None
         made: Runner | None = None
         history: History | None = None
-        for rows in self.log.rows():
+        for block in self.log.rows():
             if made is None:
-                made = self.begun(rows)
-                self.engine, self.start = made.engine, made.copied()
-                history = self.history(made, rows) if self.late_ones else None
+                made = self.begun(block)
+                self.engine, self.start, self.begins_with = made.engine, made.copied(), made.one.begins_with
+                history = self.history(made, block) if self.late_ones else None
+            if early := self.before_begin(block):
+                yield self.waiting(block.cut(0, early))
+            if not len((rows := block.cut(early)).t):
+                continue
             joined, begin = rows, 0
             if history is not None:
                 passed = history.run(rows, self.step)
@@ -97,14 +102,49 @@ class Estimation:
                     joined, begin = Rows(*(np.concatenate(p) for p in zip(before, rows, strict=True))), 1
                 made, passed = self.advanced(made, joined, begin)
             estimates, expected, arguments = (part[begin : passed.rows] for part in passed[:3])
+            escaped = self.escaped(joined, passed.rows) if passed.rows < len(joined.t) else None
             yield self.part(rows, Passed(estimates, expected, arguments, passed.rows))
-            if passed.rows < len(joined.t):
-                line = int(joined.lines[max(passed.rows - 1, 0)])
-                said = "the observer has no finite value after this row"
-                raise UndecidedError(Problem(said, self.log.table.path, line, id="OBS813"))
-            before = Rows(*(part[-1:] for part in rows))
+            if escaped is not None:
+                raise escaped
+            before = rows.cut(-1)
         if made is None:
             raise UsageError(Problem("has no rows", self.log.table.path, id="OBS811"))
+        if self.rows == self.waited:
+            said = f"no row has {' and '.join(self.begins_with)}, with which this observer begins"
+            raise UsageError(Problem(f"{said}; give one that does", self.log.table.path, id="OBS975"))
+
+    def before_begin(self, rows: Rows) -> int:
+        """How many rows are before the first that has each output with which the observer begins; 0 once it has."""
+        if self.rows > self.waited or not self.begins_with:
+            return 0
+        places = [self.observer.outputs.index(name) for name in self.begins_with]
+        able = np.isfinite(rows.y[:, places]).all(axis=1)
+        return int(np.argmax(able)) if able.any() else len(rows.t)
+
+    def waiting(self, rows: Rows) -> Part:
+        """Rows before the observer begins, without estimates."""
+        K = len(rows.t)
+        for name in ("rows", "waited", "missing", "uncovered"):
+            setattr(self, name, getattr(self, name) + K)
+        self.coverage.left = True
+        estimates, innovations, radii = (
+            np.full((K, n), np.nan) for n in (len(self.names), rows.y.shape[1], self.width)
+        )
+        return Part(rows.known, estimates, innovations, radii, np.zeros(K, dtype=bool), rows.truth)
+
+    @property
+    def width(self) -> int:
+        """Number of radii."""
+        return 0 if isinstance(self.radius, str) else len(self.radius.names)
+
+    def escaped(self, rows: Rows, count: int) -> UndecidedError:
+        """Error after so many rows, with the value that stands out, if one does."""
+        said = "the observer has no finite value after this row" + self.cause(rows, count)
+        return UndecidedError(Problem(said, self.log.table.path, int(rows.lines[max(count - 1, 0)]), id="OBS813"))
+
+    def cause(self, rows: Rows, count: int) -> str:
+        """Value of these rows that stands out, as the end of a message."""
+        return cause(self.observer.outputs, rows, count, self.innovations.peak)
 
     def history(self, made: Runner, rows: Rows) -> History:
         """Measurements of an observer at its start; its steps, where the spec tells none, are found by halving."""
@@ -112,15 +152,16 @@ class Estimation:
             found, finer = (History(made, self.first).run(rows, h) for h in (self.step, self.step / 2))
             if finer.rows == found.rows and agree(found.estimates, finer.estimates):
                 break
-            self.refine()
+            self.refine(rows)
         return History(made, self.first)
 
-    def refine(self) -> None:
-        """Halve the step; raises `UndecidedError` where it is short already."""
+    def refine(self, rows: Rows) -> None:
+        """Halve the step; raises `UndecidedError` where it is short already for these rows."""
         self.step /= 2
         if self.step * FINEST < self.coarsest:
             said = "however short its steps are, halving them changes its estimates: it is too fast here, or escapes"
             why = f"{said}; write implementation: {{period: .., method: exact}}, or mend the log"
+            why += self.cause(rows, len(rows.t))
             raise UndecidedError(Problem(why, self.log.table.path, id="OBS813"))
 
     @property
@@ -158,7 +199,7 @@ class Estimation:
             if finer.rows == found.rows and agree(found.estimates[begin:], finer.estimates[begin:]):
                 return one, finer
             found = finer
-            self.refine()
+            self.refine(rows)
 
     def part(self, rows: Rows, passed: Passed) -> Part:
         """Rows as they are written, and counted."""
@@ -174,86 +215,34 @@ class Estimation:
         radii, spread = np.zeros((K, 0)), np.zeros(passed.arguments.shape)
         if not isinstance(self.radius, str):
             radii, spread = self.radius.along(first, t, np.asarray(np.isfinite(y).any(axis=1)))
-        known = ~rows.guessed & fresh & (np.isfinite(y).all(axis=1) | bool(self.observer.jump))
-        covered = self.inside(passed.arguments, spread, known & self.timely(t, y)) & self.covers
+        covered = self.coverage.of(t, y, passed.arguments, spread, ~rows.guessed & fresh)
         radii = np.where(covered[:, None], radii, np.nan)
+        if isinstance(self.radius, Radius):
+            beyond = self.radius.contradicted(innovations, np.arange(first, first + K))
+            self.contradicted += int((covered & beyond).sum())
         self.uncovered += int((~covered).sum())
         return Part(t, passed.estimates, innovations, radii, covered, rows.truth)
 
-    @cached_property
-    def covers(self) -> bool:
-        """Whether anything is proved of the observer, for inputs and outputs of any size."""
-        return self.design.guarantee is not None and not any(block.others for block in self.spec.nonlinearities)
-
-    def timely(self, t: Float, y: Float) -> Array:
-        """Rows at which no measurement at instants is overdue, and none came sooner than the guarantee expects."""
-        guarantee = self.design.guarantee
-        if guarantee is None or not self.observer.jump or self.late_ones:
-            return np.ones(len(t), dtype=bool)
-        sampled, kept = cast("SampledGuarantee", guarantee), np.ones(len(t), dtype=bool)
-        shortest = sampled.T1 if sampled.ahead is not None else 0.0
-        for k, found in enumerate(np.isfinite(y).tolist()):
-            measured = any(found)
-            gap = float(t[k]) - (self.measured if self.measured is not None else float(t[k]))
-            hasty = measured and self.taken and gap < shortest * (1 - ROUNDING)
-            kept[k] = gap <= sampled.T2 * (1 + ROUNDING) and not hasty and measured == all(found)
-            self.taken |= measured
-            if measured or self.measured is None:
-                self.measured = float(t[k])
-        return kept
-
-    def inside(self, q: Float, spread: Float, kept: Array) -> Array:
-        """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing.
-
-        Where radii are told, those of the plant too: within the radius of its argument of that in the observer.
-        `spread`: these radii, (K, nq); `kept`: rows in which nothing is missing or late.
-        """
-        for column, low, high in self.limits:
-            kept &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
-        if self.left:
-            return np.zeros(len(q), dtype=bool)
-        kept = np.logical_and.accumulate(kept)
-        self.left = not kept.all()
-        return kept
-
-    @cached_property
-    def limits(self) -> list[tuple[int, float, float]]:
-        """Argument of f, and the limits within which its type holds."""
-        known = len(watched(self.spec, self.observer))
-        return [(column, *ends) for _, _, column, ends in limited(self.spec.nonlinearities) if column < known]
-
     def report(self) -> dict[str, Any]:
         """What is said of the log."""
-        told = {name: count for name, count in self.log.counts.items() if count and name != "rows"}
+        told = {name: count for name, count in self.log.counts.items() if count and name in REPAIRED}
+        gaps = self.log.counts["gaps"]
         return {
             "rows": self.rows,
             "missing": self.missing,
             "late": self.late or self.delays.unused,
             **({"lost": lost} if (lost := self.lost or self.delays.unused) else {}),
             **self.delays.report(),
+            **({"gaps": gaps} if gaps else {}),
+            **({"waited": {"rows": self.waited, "for": [*self.begins_with]}} if self.waited else {}),
             "engine": self.engine,
             "step": self.step or None,
             "uncovered": self.uncovered,
+            **({"contradicted": self.contradicted} if self.contradicted else {}),
             "radius": {"premise": self.radius.premise} if not isinstance(self.radius, str) else {"none": self.radius},
             "innovations": self.innovations.report(),
             **({"repaired": told} if told else {}),
         }
-
-
-class Thinned:
-    """Some of the rows of a log, evenly apart, enough for a figure."""
-
-    def __init__(self) -> None:
-        self.rows = np.zeros((0, 0))
-        self.stride, self.seen = 1, 0
-
-    def add(self, table: Float) -> None:
-        """Take rows."""
-        chosen = table[(-self.seen) % self.stride :: self.stride]
-        self.seen += len(table)
-        self.rows = np.vstack([self.rows, chosen]) if self.rows.size else chosen
-        while len(self.rows) > DRAWN:
-            self.rows, self.stride = self.rows[::2], 2 * self.stride
 
 
 @dataclass(frozen=True, repr=False)

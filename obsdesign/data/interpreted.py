@@ -4,17 +4,18 @@ import importlib.util
 import math
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from obsdesign.data.driver import NAME, ROUNDING, Engine, foresees
-from obsdesign.data.runner import Passed
+from obsdesign.data.driver import NAME, ROUNDING, Engine
+from obsdesign.data.runner import Passed, along
 from obsdesign.exports import python
 from obsdesign.lmi.formula import Float
 from obsdesign.stepping.implemented import Implemented
+from obsdesign.stepping.open_loop import Mask, partial
 
 Values = Sequence[float]
 Function = Callable[..., tuple[float, ...]]
@@ -28,11 +29,13 @@ class StuckError(Exception):
 class Interpreted:
     """The observer in Python, with its state and the y that was known last, NaN where none was."""
 
+    plain: Implemented  # all outputs of which are known
     one: Implemented
     functions: dict[str, Function]
     x: tuple[float, ...]
     last: tuple[float, ...]
     begun: bool
+    kept: dict[Mask | None, "Interpreted | None"] = field(default_factory=dict)  # those of which some are not
     engine: ClassVar[Literal["c", "numpy"]] = "numpy"
 
     @classmethod
@@ -41,17 +44,29 @@ class Interpreted:
         subject = Engine(NAME, one, (), {})
         code = loaded(python.functions(subject))
         functions = {which: finite(getattr(code, which)) for which in subject.routines}
-        return cls(one, functions, one.begins, (math.nan,) * len(subject.outputs), one.begin is None)
+        return cls(one, one, functions, one.begins, (math.nan,) * len(subject.outputs), one.begin is None)
 
     def copied(self) -> "Interpreted":
         """The same where it is now."""
         return replace(self)
 
+    def open(self, mask: Mask | None) -> None:
+        """Be the observer of which some outputs are not known, as `partial` makes it, where it makes one."""
+        if mask not in self.kept:
+            made = partial(self.plain, mask)
+            self.kept[mask] = Interpreted.of(made) if made else None
+        if other := self.kept[mask]:
+            self.one, self.functions = other.one, other.functions
+            self.x = (*self.x, *other.x[len(self.x) :])
+
     def run(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float = 0.0) -> Passed:
         """Go along rows."""
+        return along(self, t, u, y, begin, first, h)
+
+    def go(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float) -> Passed:
+        """Go along rows as the observer that it is now."""
         T, U, Y, K = t.tolist(), u.tolist(), y.tolist(), len(t)
-        width = len(self.one.observer.estimates), len(self.one.observer.outputs), len(self.one.watched)
-        found: tuple[list[Values], ...] = tuple([(math.nan,) * n] * K for n in width)
+        found: tuple[list[Values], ...] = tuple([(math.nan,) * n] * K for n in self.one.width)
         k, done = 0, K
         try:
             for k in range(K):
@@ -67,12 +82,12 @@ class Interpreted:
     def record(self, found: tuple[list[Values], ...], k: int, t: float, u: Values, y: Values) -> None:
         """Take a row."""
         f = self.functions
+        u, full = self.filled(t, u, y)
         if self.one.observer.following:
-            found[0][k] = f["estimate"](self.x, t, u, y)
+            found[0][k] = f["estimate"](self.x, t, u, full)
             return
         if not self.begun:
-            self.begun, self.x = True, f["begin"](self.x, t, u, y)
-        full = self.filled(t, u, y)
+            self.begun, self.x = True, f["begin"](self.x, t, u, full)
         found[1][k] = f["predict"](self.x, t, u, full)
         if self.one.jump and not all(map(math.isnan, y)):
             self.x = f["jump"](self.x, t, u, full)
@@ -80,21 +95,21 @@ class Interpreted:
         if self.one.watched:
             found[2][k] = f["arguments"](self.x, t, u, full)
 
-    def filled(self, t: float, u: Values, y: Values) -> Values:
-        """Return y with what is missing filled by what is expected, or by what was known last."""
-        if not any(map(math.isnan, y)):
-            self.last = tuple(y)
-            return y
+    def filled(self, t: float, u: Values, y: Values) -> tuple[Values, Values]:
+        """Known inputs and y, in which what is missing is what is expected, or is told to be."""
+        if self.one.known:
+            return self.told(u, y)
+        if not any(map(math.isnan, y)) or self.one.observer.following:
+            return u, y
+        expected = self.functions["predict"](self.x, t, u, [0.0 if math.isnan(value) else value for value in y])
+        return u, [hoped if math.isnan(new) else new for hoped, new in zip(expected, y, strict=True)]
+
+    def told(self, u: Values, y: Values) -> tuple[Values, Values]:
+        """Known inputs and which of y are known; and y, where it is not known as it was last, or 0."""
+        if not self.one.known:
+            return u, y
         self.last = tuple(old if math.isnan(new) else new for old, new in zip(self.last, y, strict=True))
-        if not foresees(self.one):
-            full: Values = self.last
-        else:
-            guess = [0.0 if math.isnan(value) else value for value in self.last]
-            expected = self.functions["predict"](self.x, t, u, guess)
-            full = [hoped if math.isnan(new) else new for hoped, new in zip(expected, y, strict=True)]
-        if any(map(math.isnan, full)):
-            raise StuckError
-        return full
+        return [*u, *(0.0 if math.isnan(new) else 1.0 for new in y)], [0.0 if math.isnan(y) else y for y in self.last]
 
     def advance(
         self,
@@ -109,12 +124,12 @@ class Interpreted:
         """Go on to the next row."""
         f, one = self.functions, self.one
         if one.observer.following:
-            both = [*u[0], *u[1]]
+            both = [*self.told(u[0], y[0])[0], *self.told(u[1], y[1])[0]]
             expected = found[1][k + 1] = f["predict"](self.x, t[0], both, ())
             full = [hoped if math.isnan(new) else new for hoped, new in zip(expected, y[1], strict=True)]
             self.x = f["step"](self.x, t[0], both, full)
         elif not one.method:
-            self.x = f["step"](self.x, t[0], u[0], self.filled(t[0], u[0], y[0]))
+            self.x = f["step"](self.x, t[0], *self.filled(t[0], u[0], y[0]))
         else:
             period = float(one.period.p) / float(one.period.q)
             self.parts(t, u, y, first, h or period, period)
@@ -124,6 +139,8 @@ class Interpreted:
     ) -> None:
         """Go on to the next row in steps of at most h."""
         f, span, jumps = self.functions, t[1] - t[0], self.one.jump is not None
+        if self.one.regain:
+            self.x = f["regain"](self.x, t[0], *self.told(u[0], y[0]))
         slack = ROUNDING + 1e-15 * abs(t[1]) / h  # of a period: what is no step of its own
         for i in range(max(1, math.ceil(span / h - slack)) if span > 0 else 0):
             begin = t[0] + i * h
@@ -134,7 +151,7 @@ class Interpreted:
                 share = (begin + on / 2 - t[0]) / span
                 inputs = [a + share * (b - a) for a, b in zip(*u, strict=True)]
                 seen = [a + (0.0 if math.isnan(b) else share * (b - a)) for a, b in zip(*y, strict=True)]
-            full = self.filled(begin, inputs, seen)
+            inputs, full = self.filled(begin, inputs, seen)
             if jumps:
                 self.x = f["flow"](self.x, begin, on, inputs)
             elif on > period * (1 - ROUNDING):

@@ -11,7 +11,7 @@ from obsdesign.data.rows import Rows, joined, newest, sampled
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.files.table import Header, Table, filled, not_rising
-from obsdesign.lmi.formula import Float
+from obsdesign.lmi.formula import Array, Float
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 
@@ -21,7 +21,9 @@ MOST = 50_000_000  # values that are held at once, where rows are put in order
 ROWS = 200_000  # that are given at once, where they are
 
 
-COUNTED = ("without_time", "moved", "repeated", "rows")
+REPAIRED = ("without_time", "moved", "repeated")
+COUNTED = (*REPAIRED, "samples", "gaps")
+LONGEST = 1_000_000  # samples of a gap
 
 
 def table(path: str) -> Table:
@@ -46,7 +48,8 @@ class Log:
     where: Recorded
     repair: bool = False
     clock: list[float] = field(default_factory=list)  # time of the first sample, once it is known
-    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))  # of what was done to rows
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))  # of what was done to rows; of
+    # the samples of a plant in discrete time, and of those among them that the log has no row of
     truth: tuple[str, ...] = ()  # signals beside u and y whose columns are read, to compare estimates with
 
     @classmethod
@@ -114,7 +117,9 @@ class Log:
         if head.differs(unit, time=name == "time"):
             said = f"column {head.text} is in {head.unit}, {name} of the spec in {unit}"
             raise self.table.wrong(
-                f"{said}; write data: {{scale: {{{name}: factor}}}}, which is 1 if they are the same", 1, id="OBS811"
+                f"{said}; write data: {{scale: {{{name}: factor}}}}, which is 1 if they are the same",
+                self.table.heading,
+                id="OBS811",
             )
 
     def rows(self) -> Iterator[Rows]:
@@ -136,6 +141,7 @@ class Log:
             made = self.filled(rows, values)
             self.require_rising(made, last)
             if len(made.t):
+                made = self.sampled(made, last, values)
                 last, values = made.known[-1], made.u[-1]
                 yield made
 
@@ -205,17 +211,40 @@ class Log:
             raise self.table.wrong(f"{what}; {said}; {also}", int(rows.lines[k]), id="OBS811")
         if not np.isfinite(gaps[np.isfinite(rows.known)][1:]).all() or np.abs(rows.known).max(initial=0.0) > LATEST:
             raise self.table.wrong(f"a time is beyond {LATEST:g} s", int(rows.lines[-1]), id="OBS811")
+
+    def sampled(self, rows: Rows, last: float, before: Float) -> Rows:
+        """Rows of a plant in samples, with one for each sample of a gap: without outputs, u as it was `before`.
+
+        Raises `UsageError`: a row is off the samples.
+        """
         if self.spec.period is None or self.where.arrival:
-            return
-        period = float(self.spec.period)
+            return rows
+        period, first = float(self.spec.period), self.counts["samples"]
         if not self.clock:
             self.clock.append(float(rows.known[0]))
-        count = self.counts["rows"]
-        self.counts["rows"] += len(rows.known)
-        late = rows.known - self.clock[0] - period * np.arange(count, count + len(rows.known))
-        if len(wrong := np.flatnonzero(np.abs(late) > APART * period)):
+        at = np.rint((rows.known - self.clock[0]) / period).astype(int)
+        steps = np.diff(at, prepend=first - 1)
+        off = np.abs(rows.known - self.clock[0] - period * at) > APART * period
+        if len(wrong := np.flatnonzero(off | (steps < 1) | (steps > LONGEST))):
             k = int(wrong[0])
-            said = f"{gaps[k]:.6g} s after the row before" if np.isfinite(gaps[k]) else "its time is off"
-            said += f", and {late[k]:.3g} s off its sample; rows of this plant are {period:g} s apart"
-            said += "; give a row without values where one is missing"
+            late = rows.known[k] - self.clock[0] - period * (at[k - 1] + 1 if k else first)
+            gap = rows.known[k] - (rows.known[k - 1] if k else last)
+            said = f"{gap:.6g} s after the row before" if np.isfinite(gap) else "its time is off"
+            said += f", and {late:.3g} s off its sample; rows of this plant are {period:g} s apart"
+            said += f"; a gap is a whole number of periods, at most {LONGEST:,}"
             raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")
+        self.counts["samples"] = int(at[-1]) + 1
+        self.counts["gaps"] += (lacking := int(steps.sum()) - len(at))
+        return self.spread(rows, at, steps, before) if lacking else rows
+
+    def spread(self, rows: Rows, at: Array, steps: Array, before: Float) -> Rows:
+        """Rows with one for each sample of a gap; `at`: their samples, each `steps` after that of the row before."""
+        place = np.repeat(np.arange(len(at)), steps)  # for each sample the row with which the gap that it is in ends
+        samples = np.arange(at[-1] + 1 - len(place), at[-1] + 1)
+        known = at[place] == samples
+        t = np.where(known, rows.known[place], self.clock[0] + float(self.spec.period or 0) * samples)
+        u = np.where(known[:, None], rows.u[place], np.vstack([before, rows.u[:-1]])[place])
+        y, truth = (np.where(known[:, None], part[place], np.nan) for part in (rows.y, rows.truth))
+        none = np.zeros(len(t), dtype=int)
+        own, guessed = np.where(known, rows.t[place], t), rows.guessed[place] | ~known
+        return Rows(own, u, y, t, rows.lines[place], guessed, truth, none > 0, none)

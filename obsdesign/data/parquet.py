@@ -45,6 +45,11 @@ class Parquet(Table):
         """Names of the columns."""
         return tuple(map(Header.of, self.file.schema_arrow.names))
 
+    @property
+    def heading(self) -> int:
+        """Number that stands for the names of the columns in messages."""
+        return 1
+
     def blocks(self, wanted: Sequence[int], times: Collection[int] = ()) -> Iterator[Block]:
         """Rows of some columns, some at a time."""
         names, first = [self.file.schema_arrow.names[i] for i in wanted], 1

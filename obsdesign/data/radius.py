@@ -39,6 +39,9 @@ class Radius:
     v2: float  # |v|^2
     first: Float  # bounds on the errors at row 0 that are given
     premise: str  # under which they hold
+    outputs: tuple[int, ...]  # places of the outputs y = C x + gy + D v, without f, of which xhat knows no y yet
+    reach_of_outputs: Float  # of C e of these
+    direct: Float  # |D| of these
 
     def storage(self, k: Array) -> Float:
         """Bound on sqrt(V) at rows."""
@@ -55,6 +58,11 @@ class Radius:
         root = self.storage(k)[:, None]
         radii = np.where(k[:, None] == 0, np.minimum(root * self.reach, self.first), root * self.reach)
         return radii, np.asarray(root * self.reach_of_arguments)
+
+    def contradicted(self, innovations: Float, k: Array) -> Array:
+        """Rows of which an innovation is larger than what the premise allows: |y - yhat| <= reach sqrt(V) + |D| |v|."""
+        bound = self.storage(k)[:, None] * self.reach_of_outputs + OUTWARD * self.direct * np.sqrt(self.v2)
+        return np.asarray((np.abs(innovations[:, self.outputs]) > bound).any(axis=1))
 
 
 @dataclass
@@ -115,20 +123,26 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     rows, given = outputs(spec, estimates), np.array([float(where.e0[name]) for name in states])
     if instants:
         return sampled(cast("SampledGuarantee", guarantee), spec, where, rows, given)
-    rates = guarantee.rates()
+    rates, p = guarantee.rates(), spec.augmented
     assert isinstance(rates, Steps)
-    v2 = float(where.v_sup) ** 2 * (float(gain_of(spec.augmented, peaks=True)) if spec.observer.filtered else 1.0)
+    v2 = float(where.v_sup) ** 2 * (float(gain_of(p, peaks=True)) if spec.observer.filtered else 1.0)
     if spec.continuous is not None and spec.continuous.defect:
         v2 += 1.0  # the defect, as a channel of length 1
     names = tuple(rows)
     H = np.array([rows[name] for name in names], dtype=object).reshape(len(names), len(states))
     P: Any = guarantee.P  # type: ignore[attr-defined]
     e0 = guarantee.entering(given)  # type: ignore[attr-defined]
-    reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
+    reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, p.Cq))
     if not np.isfinite([*reach, *of_q]).all():
         return "the estimates hold the noise of y at once"
+    plain = tuple(i for i, row in enumerate(p.Df) if not (row != 0).any() and not spec.observer.filtered)
+    of_y = np.asarray(guarantee.reach(p.C[list(plain)])) if plain else np.zeros(0)
+    direct = np.array([np.linalg.norm([approximate(entry) for entry in p.D[i]]) for i in plain])
     first = np.abs(H.astype(float)).reshape(len(names), len(states)) @ given
-    return Radius(names, reach, of_q, rates, largest(P, e0), v2, first, premise(spec, timed=bool(where.arrival)))
+    return Radius(
+        names, reach, of_q, rates, largest(P, e0), v2, first, premise(spec, timed=bool(where.arrival)),
+        plain, of_y, direct,
+    )  # fmt: skip
 
 
 def sampled(

@@ -23,6 +23,10 @@ class Rows(NamedTuple):
     held: Array  # (K,), whether nothing new is used here: u and y are those that hold then
     unused: Array  # (K,), how many rows are not used up to here, for newer ones came before
 
+    def cut(self, begin: int, end: int | None = None) -> "Rows":
+        """Rows from one on, up to another."""
+        return Rows(*(part[begin:end] for part in self))
+
 
 def newest(blocks: Iterator[Rows], first: bool) -> Iterator[Rows]:
     """Rows that are used when they arrive: one that was made before a newer one has the u and y that hold then.

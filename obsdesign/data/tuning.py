@@ -26,7 +26,6 @@ from flint import fmpq
 
 from obsdesign import work
 from obsdesign.data.criterion import Course, better
-from obsdesign.data.driver import foresees
 from obsdesign.data.estimation import NOTHING
 from obsdesign.data.free import WEIGHTS, Free, chosen, sections, times
 from obsdesign.data.log import Log
@@ -265,7 +264,7 @@ def require_predictions(design: Design, log: Held) -> None:
         said = "hold: first leads the observer along straight lines to the very y that it is to predict; tune with"
         raise UsageError(f"{said} --set data.hold=zero", id="OBS962")
     steps = spec.implementation or Implementation(fmpq(1, 1000), "euler")
-    if not foresees(implemented(spec, design.observer, steps)):
+    if not implemented(spec, design.observer, steps).foresees:
         said = (
             "what this observer expects of y depends on y itself, so that its innovations tell nothing of its numbers"
         )

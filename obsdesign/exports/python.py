@@ -33,6 +33,7 @@ GIVES = {
     "part": "State at t + dt.",
     "predict": "Outputs as they are expected.",
     "arguments": "Arguments of f.",
+    "regain": "State at a row, by which outputs are known in it.",
 }
 
 

@@ -33,6 +33,7 @@ class Correction:
     flow: "Observer"
     end: Named  # s, by the names of the states
     closing: Named  # signals that these need
+    silent: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # as of an observer, of `algebraic` here
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,8 @@ class Observer:
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
     supposed: Supposed | None = None  # of a filter
     correction: Correction | None = None  # what a step is in place of one of its equations, where it has such
+    silent: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # algebraic signals that are 0 where an output
+    # is not known, by its name: of a filter, whose covariance takes nothing from it then
 
     def __post_init__(self) -> None:
         known = {"t", *self.dynamics, *self.inputs, *self.algebraic, *self.following}

@@ -20,6 +20,7 @@ from obsdesign.sections.words import nearest
 
 BLOCK = 4 * 2**20  # bytes that are parsed at once
 LONGEST = 2**18  # bytes of a header, or of a row
+COMMENTS = 1000  # lines before the header that begin with #
 DELIMITERS = ",;\t"
 MOST_NAMED = 20  # heads that a message tells
 SECONDS = ("s", "sec", "seconds", "")  # units of time that need no factor
@@ -70,13 +71,30 @@ class Table:
         return min(1.0, self.progress[0] / size) if size else 0.0
 
     @cached_property
-    def head(self) -> str:
-        """First line."""
+    def top(self) -> tuple[str, int]:
+        """Line of heads, and its number: the first without #; or the last with it, where numbers follow at once."""
+        before = ""
         with self.opened() as file:
-            line = file.readline(LONGEST)
-        if len(line) == LONGEST or not line.strip():
-            raise self.wrong("begins with no line of column names, such as t,y1,u", 1, id="OBS811")
-        return self.decoded(line, 1).lstrip("\ufeff").rstrip("\r\n")
+            for k in range(1, COMMENTS + 2):
+                line = file.readline(LONGEST)
+                if len(line) == LONGEST or not line.strip():
+                    break
+                text = self.decoded(line, k).lstrip("\ufeff").rstrip("\r\n")
+                if not text.startswith("#"):
+                    named = before and all(number(one) is not None for one in re.split("[,;\t]", text) if one.strip())
+                    return (before, k - 1) if named else (text, k)
+                before = text.lstrip("# ")
+        raise self.wrong("begins with no line of column names, such as t,y1,u", 1, id="OBS811")
+
+    @property
+    def head(self) -> str:
+        """Line of heads."""
+        return self.top[0]
+
+    @property
+    def heading(self) -> int:
+        """Number of the line of heads."""
+        return self.top[1]
 
     @cached_property
     def delimiter(self) -> str:
@@ -89,10 +107,10 @@ class Table:
         made = tuple(Header.of(text) for text in next(csv.reader([self.head], delimiter=self.delimiter)))
         texts = [one.text for one in made if one.text]
         if twice := sorted(text for text, count in Counter(texts).items() if count > 1):
-            raise self.wrong(f"two columns have the head {twice[0]}; name them apart", 1, id="OBS811")
+            raise self.wrong(f"two columns have the head {twice[0]}; name them apart", self.heading, id="OBS811")
         if all(number(text) is not None for text in texts):
             raise self.wrong(
-                "begins with numbers; the first line must name the columns, such as t,y1,u", 1, id="OBS811"
+                "begins with numbers; the first line must name the columns, such as t,y1,u", self.heading, id="OBS811"
             )
         return made
 
@@ -107,13 +125,14 @@ class Table:
         said = f"has no column {text}" + (f"; did you mean {near}?" if near else "")
         heads = [one.text for one in self.columns[:MOST_NAMED]]
         heads += [f"{len(self.columns) - MOST_NAMED} more"] if len(self.columns) > MOST_NAMED else []
-        raise self.wrong(f"{said}; it has {', '.join(heads)}", 1, id="OBS811")
+        raise self.wrong(f"{said}; it has {', '.join(heads)}", self.heading, id="OBS811")
 
     def blocks(self, wanted: Sequence[int], times: Collection[int] = ()) -> Iterator[Block]:
         """Rows of some columns, block by block; `times`: those that may hold instants as ISO 8601 writes them."""
         with self.opened() as file:
-            file.readline(LONGEST)
-            line, rest = 2, b""
+            for _ in range(self.heading):
+                file.readline(LONGEST)
+            line, rest = self.heading + 1, b""
             while part := file.read(BLOCK):
                 self.progress[0] += len(part)
                 whole, newline, rest = (rest + part).rpartition(b"\n")
@@ -194,8 +213,10 @@ class Table:
         """Text in UTF-8."""
         try:
             return text.decode()
-        except UnicodeDecodeError:
-            raise self.wrong("is no text in UTF-8", line, id="OBS811") from None
+        except UnicodeDecodeError as error:
+            found, at = text[error.start], line + text.count(b"\n", 0, error.start)
+            said = f"the byte 0x{found:02X} is no text in UTF-8; save the file as UTF-8"
+            raise self.wrong(f"{said} (iconv -f latin1 -t utf-8, where it is Latin-1)", at, id="OBS811") from None
 
     def wrong(self, said: str, line: int, *, id: str) -> UsageError:
         """Error about a line."""

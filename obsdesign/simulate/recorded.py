@@ -163,7 +163,7 @@ def tracks_of(spec: Spec, simulation: Simulation, path: str, time: str, columns:
         unit, head = spec.units.get(name, ""), table.columns[i]
         if head.differs(unit, time=i == places[0]):
             said = f"column {head.text} is in {head.unit}, and {name} in {'s' if i == places[0] else unit}"
-            raise table.wrong(f"{said}; write it in this unit", 1, id="OBS811")
+            raise table.wrong(f"{said}; write it in this unit", table.heading, id="OBS811")
     rows = rows_of(table, places, simulation.horizon + period)
     require_covered(columns[0], rows[:, 0], simulation.horizon, path)
     for values, one in zip(rows.T[1:], columns, strict=True):

@@ -12,10 +12,11 @@ from obsdesign.expressions import Expression
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array
 from obsdesign.model.ahead import ahead
-from obsdesign.model.equations import Named, free
+from obsdesign.model.equations import Equations, Named, free
 from obsdesign.spec import Spec
 from obsdesign.stepping.method import step as step_of
 from obsdesign.stepping.method import taken_by
+from obsdesign.stepping.motion import Motion, knows, motions
 from obsdesign.stepping.routine import Routine, routine
 from obsdesign.stepping.sharing import shared
 from obsdesign.trial import Implementation
@@ -35,6 +36,7 @@ class Implemented:
     arguments   arguments of f in the observer, where it has a copy of them
     begin       s at the start, of states that begin at a function of t, u and y then
     locate      the same of states that begin at a function of an estimate of x
+    regain      states at a row some outputs of which may not be known (`open_loop`)
 
     In discrete time a step is that of the plant; where estimates know y of their sample, it takes u and y of the sample
     that it reaches, t+, u+ and y+. A state `gap`, where there is one, is the time since the measurement before.
@@ -47,11 +49,30 @@ class Implemented:
     xhat0: Array  # where the estimate begins if nothing else is said, (n + nm,)
     expected: Named = field(default_factory=dict)  # y as it is expected before it is known, by the names of the outputs
     watched: Named = field(default_factory=dict)  # arguments of f that the types restrict, in the observer
+    motions: Mapping[str, Motion] = field(default_factory=dict)  # of outputs that the estimates hold at once
+    known: tuple[str, ...] = ()  # inputs that say of each output whether it is known, where some may not be
+    regained: Named = field(default_factory=dict)  # states that depend on these at a row
 
     def __post_init__(self) -> None:
         if self.observer.following and any(name in self.observer.outputs for name in self.step.given):
             said = "a right side has y of the sample before the one that a step reaches, which it does not know"
             raise UsageError(f"{said}: this observer is not written in steps", id="OBS920")
+
+    @property
+    def width(self) -> tuple[int, int, int]:
+        """Numbers of estimates, outputs, and arguments of f that are watched."""
+        return len(self.observer.estimates), len(self.observer.outputs), len(self.watched)
+
+    @property
+    def foresees(self) -> bool:
+        """Whether what is expected of y does not depend on it, so that it can stand for what is missing."""
+        return not any(name in self.observer.outputs for name in self.predict.given)
+
+    @property
+    def begins_with(self) -> tuple[str, ...]:
+        """Outputs without which no estimate begins: those that a start depends on, or that estimates hold at once."""
+        needed = {*self.motions, *(self.begin.given if self.begin else ())}
+        return tuple(name for name in self.observer.outputs if name in needed)
 
     @cached_property
     def dt(self) -> str:
@@ -130,6 +151,11 @@ class Implemented:
         return self.routine((), known, {**self.observer.jump, **gap})
 
     @cached_property
+    def regain(self) -> Routine | None:
+        """What a row changes by which outputs are known in it; None where that changes no state."""
+        return self.routine((), self.observer.algebraic, self.regained) if self.regained else None
+
+    @cached_property
     def estimate(self) -> Routine:
         """Estimates."""
         return self.routine((), self.observer.algebraic, self.observer.estimates)
@@ -160,14 +186,30 @@ def implemented(spec: Spec, observer: Observer, steps: Implementation | None = N
     Raises `UsageError`: there are no steps, or these cannot be written.
     """
     xhat0 = spec.simulation.xhat0 if spec.simulation else np.zeros(spec.augmented.n)
-    more = {"expected": expected(spec, observer), "watched": watched(spec, observer)}
-    if spec.period is not None:
-        return Implemented(observer, spec.period, "", spec.plant.states, xhat0, **more)
     steps = steps or spec.implementation
-    if steps is None:
+    if spec.period is not None:
+        period, method = spec.period, ""
+    elif steps is not None:
+        period, method = steps.period, str(steps.method)
+    else:
         said = "is missing; write implementation: {period: 1.0e-3, method: rk4}"
         raise UsageError(Problem(said, key="implementation", id="OBS801"))
-    return Implemented(observer, steps.period, steps.method, spec.plant.states, xhat0, **more)
+    hoped = expected(spec, observer)
+    return Implemented(
+        observer,
+        period,
+        method,
+        spec.plant.states,
+        xhat0,
+        expected=hoped,
+        watched=watched(spec, observer),
+        motions=motions(observer, lambda: equations(spec), hoped, sampled=not method),
+    )
+
+
+def equations(spec: Spec) -> Equations:
+    """Equations of the plant, without its disturbance model."""
+    return spec.typed.equations if spec.typed else spec.equations(spec.plant)
 
 
 def expected(spec: Spec, observer: Observer) -> Named:
@@ -181,7 +223,7 @@ def expected(spec: Spec, observer: Observer) -> Named:
     own = {name: hats.get(ahead(name) if late else name) for name in observer.outputs}
     if all(hat in observer.algebraic for hat in own.values()):
         return {name: Expression.variable(str(hat)) for name, hat in own.items()}
-    plant = spec.typed.equations if spec.typed else spec.equations(spec.plant)
+    plant = equations(spec)
     known = {**dict.fromkeys(plant.exogenous, Expression.number(0)), **observer.estimates}
     known |= {
         name: Expression.variable(f"hat_{name}")
@@ -190,16 +232,6 @@ def expected(spec: Spec, observer: Observer) -> Named:
     }
     inner = {name: side.substituted(known) for name, side in plant.algebraic.items()}
     return {name: plant.outputs[name].substituted(inner).substituted(known) for name in observer.outputs}
-
-
-def knows(observer: Observer, side: Expression) -> bool:
-    """Whether an expression depends on a measured output."""
-    found, waiting = set[str](), list(side.names)
-    while waiting:
-        if (name := waiting.pop()) not in found:
-            found.add(name)
-            waiting += observer.algebraic[name].names if name in observer.algebraic else ()
-    return not found.isdisjoint(observer.outputs)
 
 
 def watched(spec: Spec, observer: Observer) -> Named:

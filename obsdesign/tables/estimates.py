@@ -20,6 +20,11 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
     if stale := report.get("stale"):
         said = f"{stale['rows']:,} rows, y used up to {plain(stale['longest'])} s after its time, or held on"
         rows.append(("stale", f"{said}; nothing is proved from the first of them on"))
+    gaps, waited = report.get("gaps"), report.get("waited")
+    rows += [("gaps", f"{gaps:,} samples without a row, taken as rows without outputs")] if gaps else []
+    if waited:
+        known = " and ".join(waited["for"])
+        rows.append(("begins", f"at the first row with {known}; {waited['rows']:,} before it have no estimates"))
     counts = report.get("repaired", {}).items()
     rows += [("repaired", ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts))] if counts else []
     steps = f", in steps of {plain(report['step'])} s, found by halving" if report["step"] else ""
@@ -33,6 +38,9 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
     radius = report["radius"]
     rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
+    if count := report.get("contradicted"):
+        said = "with a larger innovation than v_sup and e0 allow: the log contradicts these, or the plant of the spec"
+        rows.append(("contradicted", f"{count:,} rows {said}"))
     if report["uncovered"]:
         rows.append(("uncovered", f"{report['uncovered']:,} rows, of which nothing is proved (column covered)"))
     return aligned([*rows, ("estimates", samples), ("figure", figure or "none")])

@@ -28,7 +28,7 @@ def of_flow(frame: Frame) -> Observer:
     D = frame.constant(frame.slopes("D", frame.h, frame.w, at))
     S = request.R + D @ request.Q @ D.T
     shared = times(B, numbers(request.Q @ D.T))
-    K = frame.signals.matrix("K", frame.x, frame.y, times(times(P, C.T) + shared, numbers(np.linalg.inv(S))))
+    K = frame.gains(times(times(P, C.T) + shared, numbers(np.linalg.inv(S))))
     F = times(A, P)
     rate = F + F.T + times(B, numbers(request.Q), B.T) - times(K, numbers(S), K.T)
     return frame.of_flow(
@@ -87,6 +87,7 @@ def in_steps(frame: Frame, names: Mapping[tuple[int, int], str], P: Array, S: Ar
         ),
         {**{hat: Expression.variable(hat) for hat in first}, **{name: last[at] for at, name in names.items()}},
         {},
+        begin.signals.gains,
     )
 
 
@@ -176,7 +177,7 @@ def conditioned(
     T = np.block([[S, cross.T], [cross, cov]])
     r = [*missing, *[ZERO] * len(cov)]
     for k in range(ny):
-        shares = [signals.named(f"gain{k + 1}_{i}", T[i, k] / T[k, k]) for i in range(k + 1, len(T))]
+        shares = [signals.gain(frame.y[k], f"gain{k + 1}_{i}", T[i, k] / T[k, k]) for i in range(k + 1, len(T))]
         left = T.copy()
         for i, share in enumerate(shares, start=k + 1):
             for j in range(i, len(T)):

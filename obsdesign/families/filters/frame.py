@@ -65,6 +65,13 @@ class Frame:
         """Derivatives at some estimates, each that is no number under a name."""
         return self.signals.matrix(letter, list(of), by, jacobian(of, by, at))
 
+    def gains(self, K: Array) -> Array:
+        """Gains K (n, ny) of what each output tells, by names."""
+        named = [
+            [self.signals.gain(y, f"K_{x}_{y}", K[a, b]) for b, y in enumerate(self.y)] for a, x in enumerate(self.x)
+        ]
+        return np.array(named, dtype=object).reshape(len(self.x), len(self.y))
+
     def covariance(self) -> tuple[dict[tuple[int, int], str], Array]:
         """Names of the upper triangle of P, by their places, and P (n, n)."""
         taken, x = self.signals.taken, self.x
@@ -120,6 +127,7 @@ class Frame:
             twins={hat: twin for hat, twin in self.copy.twins.items() if hat not in shown},
             correction=correction,
             supposed=supposed,
+            silent=self.signals.gains,
         )
 
     @property
@@ -150,6 +158,7 @@ class Frame:
             initial={**(self.located if filtered else {}), **initial},
             twins={hat: twin for hat, twin in self.copy.twins.items() if twin in copied},
             supposed=Supposed(S, np.zeros(S.shape)),
+            silent=self.signals.gains,
         )
 
     @property

@@ -20,6 +20,7 @@ class Signals:
 
     taken: set[str]
     sides: dict[str, Expression] = field(default_factory=dict)
+    gains: dict[str, tuple[str, ...]] = field(default_factory=dict)  # names of the gains of an output, by its own
 
     def matrix(self, letter: str, rows: Sequence[str], columns: Sequence[str], entries: Array) -> Array:
         """Matrix of expressions, each that is no number by a name."""
@@ -38,6 +39,12 @@ class Signals:
         name = free(name, self.taken)
         self.sides[name] = side
         return Expression.variable(name)
+
+    def gain(self, output: str, name: str, side: Expression) -> Expression:
+        """Variable of a gain, which is none where its output is not known."""
+        made = self.named(name, side)
+        self.gains[output] = (*self.gains.get(output, ()), *made.names)
+        return made
 
 
 def jacobian(of: Named, by: Sequence[str], at: Named) -> Array:

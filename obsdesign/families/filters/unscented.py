@@ -38,7 +38,7 @@ def of_flow(frame: Frame) -> Observer:
             for of, letter in ((frame.f, "F"), (frame.h, "H")))  # fmt: skip
     drift, yhat, mean = transform.mean(F), transform.mean(H), list(centre.values())
     cross = transform.product(X, mean, H, yhat) + times(B, numbers(request.Q @ D.T))
-    K = frame.signals.matrix("K", frame.x, frame.y, times(cross, numbers(np.linalg.inv(S))))
+    K = frame.gains(times(cross, numbers(np.linalg.inv(S))))
     M = transform.product(X, mean, F, drift)
     rate = M + M.T + times(B, numbers(request.Q), B.T) - times(K, numbers(S), K.T)
     expected = dict(zip((frame.hats[name] for name in frame.y), yhat, strict=True))
@@ -98,6 +98,7 @@ def in_steps(frame: Frame, names: Mapping[tuple[int, int], str], P: Array, S: Ar
             **{name: following[at] for at, name in names.items()},
         },
         close.signals.sides,
+        begin.signals.gains,
     )
 
 
