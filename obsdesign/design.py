@@ -10,7 +10,7 @@ import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import metadata, util
+from importlib.util import find_spec
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.implementation import remark
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
-from obsdesign.files import ResultFile, as_read, digest, to_json
+from obsdesign.files import ResultFile, as_read, digest, release, to_json
 from obsdesign.lmi.formula import in_floats
 from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
@@ -56,7 +56,7 @@ class Solver:
 
     def written(self) -> dict[str, Any]:
         """Entry of a result file."""
-        its = metadata.version(self.name if util.find_spec(self.name) else "cvxpy")
+        its = release(self.name if find_spec(self.name) else "cvxpy")
         return {"name": self.name, "version": its} | vars(self) | {"time_s": round(self.time_s, 4)}
 
 
@@ -180,7 +180,7 @@ class Design(Outcome):
             **entry(spec),
             **self.contents(),
             "solver": {**self.solver.written(), **self.solved},
-            "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": metadata.version("cvxpy")},
+            "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": release("cvxpy")},
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 

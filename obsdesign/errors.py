@@ -13,8 +13,10 @@ An infeasible design is an answer, not an error: `solve` writes it with its diag
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field, replace
 from typing import NamedTuple, overload
+
+from obsdesign.records import dataclass
 
 EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit codes of answers, by their status
 
@@ -25,6 +27,7 @@ FORMAT = (  # category Cf of Unicode
 )
 NOT_ONE_LINE = re.compile(f"[\x00-\x1f\x7f-\x9f\u2028-\u202e\ud800-\udfff{FORMAT}]")
 COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
+MOST_PLACES = 8  # of an unknown name, that are told
 LOGGED = re.compile(r"##(?=\w*\[)")  # begins what a runner obeys anywhere in a log: ##[error], ##vso[, ##teamcity[
 
 
@@ -134,3 +137,19 @@ class TimeLimitError(ObsdesignError):
     """The time that was allowed is over (exit code 4)."""
 
     exit_code = 4
+
+
+def gathered(problems: list[Problem]) -> list[Problem]:
+    """Problems in their order, an unknown name once: where it stands first, with its other places."""
+    found: dict[str, list[Problem]] = {}
+    for problem in problems:
+        named = problem.id == "OBS302" and problem.line
+        found.setdefault(problem.message.partition(";")[0] if named else str(problem), []).append(problem)
+    return [repeated(*same) for same in found.values()]
+
+
+def repeated(first: Problem, *others: Problem) -> Problem:
+    """Problem with the other places where it is met."""
+    also = ", ".join(f"{other.line}:{other.column}" for other in others[:MOST_PLACES])
+    also += f" and {len(others) - MOST_PLACES} more" if len(others) > MOST_PLACES else ""
+    return replace(first, message=f"{first.message}; also at {also}") if others else first

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from flint import fmpq
 
 from obsdesign.expressions import Expression
+from obsdesign.records import dataclass
 
 Vector = npt.NDArray[np.float64]
 Hold = Literal["zero", "first"]

@@ -5,7 +5,7 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from obsdesign.files import ResultFile
 from obsdesign.reading import load, loads
 from obsdesign.sections.changes import require_distinct
 from obsdesign.sections.scalars import described
-from obsdesign.simulate.comparison import Comparison
-from obsdesign.simulate.comparison import compare as compared
-from obsdesign.simulate.drawing import require_fitting, same_plant
 from obsdesign.spec import Spec
+
+if TYPE_CHECKING:
+    from obsdesign.simulate.comparison import Comparison
 
 __all__ = ["check", "compare", "lipschitz", "load", "read", "solve", "verify"]
 
@@ -100,13 +100,15 @@ def compare(
     seeds: int = 10,
     solver: str = "clarabel",
     report: Report = lambda *_: None,
-) -> Comparison:
+) -> "Comparison":
     """Run several observers on one plant, with one input and the noise of so many seeds; of any families.
 
     `sources`: designs, specs, which are solved first, or paths of spec and result files. Returns a comparison: `report`
     (as `--json`), `plot(path)`, and a table as its text. Raises `UsageError`: their plants, or what acts on them,
     differ; there are no gains; `InfeasibleError`: a spec has no solution.
     """
+    from obsdesign.simulate.comparison import compare as compared
+
     if not sources:
         raise UsageError("nothing to compare; give at least one design, spec or path", id="OBS904")
     return compared([trial(source, "", solver, report) for source in sources], seeds, report)
@@ -168,6 +170,8 @@ def on_plant_of(design: Design, other: Spec) -> Design:
 
     Raises `UsageError`: the gains do not fit that plant.
     """
+    from obsdesign.simulate.drawing import require_fitting, same_plant
+
     own = design.spec
     require_fitting(own, other, design.path)
     if not same_plant(own, other):

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from support.commands import run
 
 import obsdesign as od
+from obsdesign.dissipation import analysis, modes
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.files import to_json
 from obsdesign.tables.text import at_least, at_most
@@ -342,3 +343,14 @@ def test_the_peak_gain_of_sporadic_measurements_is_reached_by_the_worst_input_an
     assert peak["most"] >= peak["least"] >= max(reached) * (1 - 1e-3)
     assert peak["least"] <= np.sqrt(2) * max(reached)  # |z|^2 = z1^2 + z2^2
     assert "sup|z| for sup|v| = 1" in table
+
+
+def test_a_peak_of_many_modes_is_the_same_with_fewer_instants(monkeypatch):
+    W, rng = np.diag(np.arange(1, 9) ** 2.0), np.random.default_rng(0)
+    A = np.block([[np.zeros((8, 8)), W], [-W, -0.05 * (W + np.eye(8))]])
+    system = A, rng.normal(size=(16, 2)), np.eye(16)
+    few, widths = modes.EXPONENTIALS.impulse(*system)
+    monkeypatch.setattr(modes, "MOST_INSTANTS", np.inf)
+    many, finer = modes.EXPONENTIALS.impulse(*system)
+    assert len(widths) < 0.6 * len(finer)
+    assert analysis.largest_area(few, widths) == pytest.approx(analysis.largest_area(many, finer), rel=1e-6)

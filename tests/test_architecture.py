@@ -44,6 +44,7 @@ LAYERS = (
     ("lmi", "expressions", "files", "tables.text", "watch"),
     ("disk",),
     ("errors",),
+    ("records",),
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
 APART = {

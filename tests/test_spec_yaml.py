@@ -15,6 +15,7 @@ from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.reading import Spec, load, loads
+from obsdesign.sections.document import compose
 
 PLAIN = """\
 obsdesign: 1
@@ -288,3 +289,63 @@ def test_texts_that_would_forge_lines_of_what_is_printed_are_refused(tmp_path):
     assert len(lines) == 6
     assert "name: expected one line of text" in lines[0]
     assert "a key is one line of text; this one holds the character U+000A" in lines[1]
+
+
+# Rows of numbers, which are read in one go
+
+
+ROWS = """\
+obsdesign: 1
+name: rows
+system:
+  A: [[0, -1.5, 2e-3],
+      [ -0.25,1E+2,
+   3.,
+ -7 ], [1, +2, .5], [1, 2, 3], # a comment
+    [0xF, 1/2, "3"], &r [4, 5, 6], *r, [7, 8, 9,], [1, # one
+      2]]
+  B: [1]
+  C: []
+"""
+
+
+def places(node, loc=()):
+    """Line, column, index and text of every scalar and list of a tree, as PyYAML itself composes it."""
+    children = {}
+    if isinstance(node, yaml.SequenceNode):
+        children = dict(enumerate(node.value))
+    elif isinstance(node, yaml.MappingNode):
+        children = {key.value: value for key, value in node.value}
+    mark = node.start_mark
+    yield loc, (mark.line + 1, mark.column + 1, mark.index)
+    for name, child in children.items():
+        yield from places(child, (*loc, name))
+
+
+def test_every_number_of_a_row_knows_its_place():
+    document = compose(ROWS, "rows.yaml")
+    expected = dict(places(yaml.compose(ROWS, yaml.SafeLoader)))
+    found = {loc: document.find(loc)[1][1:4] for loc in expected}
+    assert found == expected
+    assert len(expected) > 30
+    rows = document.root.plain()["system"]["A"]
+    assert rows[:3] == [["0", "-1.5", "2e-3"], ["-0.25", "1E+2", "3.", "-7"], ["1", "+2", ".5"]]
+    assert document.root.size == sum(1 for loc in expected)
+
+
+def test_a_row_of_numbers_is_as_exact_as_one_of_expressions():
+    texts = [
+        "0",
+        "-0",
+        "1.",
+        "-2.50",
+        "1e-3",
+        "-12.5E+2",
+        "0.1234567890123456789",
+        "9e99",
+        "-1e-99",
+        "1234567890123456789",
+    ]
+    one = [loads(PLAIN.format(a=f"[[{text}]]")).plant.A[0, 0] for text in texts]
+    other = [loads(PLAIN.format(a=f"[['{text}']]")).plant.A[0, 0] for text in texts]
+    assert one == other

@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from obsdesign.cli.sources import Answer
 from obsdesign.cli.steps import as_text, failing, interruptible, progress, stem, taken
 from obsdesign.errors import UsageError
+from obsdesign.records import dataclass
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 

@@ -40,7 +40,6 @@ def solve(
 
     def answer(spec: str) -> Answer:
         problem = loaded(spec, changes)
-        from obsdesign.simulate.recorded import followed
         from obsdesign.tables.text import aligned
 
         target = output or f"{stem(spec)}.gains.json"
@@ -48,7 +47,8 @@ def solve(
         kept = require_writable({target: "results"}, read=[spec])
         paths, curve = beside(target, spec)
         more = {paths[0]: "samples", paths[1]: "figures"} if simulate else {}
-        kept |= require_writable(more | ({curve: "figures"} if plot else {}), read=[spec, *followed(problem)])
+        more |= {curve: "figures"} if plot else {}
+        kept |= require_writable(more, read=[spec, *logs(problem)]) if more else {}
         with interruptible(lambda: lost(problem, spec)):
             design = solved(problem, solver, quiet)
         if design.status == "uncertified":
@@ -88,14 +88,14 @@ def finish(design: "Design", run: "Run | None", samples: str, curve: tuple[str, 
 
     `curve`: its path, and what is said of it.
     """
-    from obsdesign.simulate.validity import require_kept
-
     if curve:
         drawn = design.plot_search(curve[0])
         said = f"curve  {curve[1]}" if drawn else "no curve to plot: give a range, with objective min-gamma or pareto"
         if not quiet:
             say(said, err=True)
     if run:
+        from obsdesign.simulate.validity import require_kept
+
         require_kept(run.summary, samples)
 
 
@@ -109,6 +109,13 @@ def lost(problem: "Spec", path: str) -> str:
     fewer = " ".join(f"--set observer.{key}.points={FEW}" for key, points in ranges.items() if points > FEW)
     said = f"nothing of {path} is written, and the same command begins it anew"
     return f"{said}; with {fewer} it ends sooner" if fewer else said
+
+
+def logs(problem: "Spec") -> list[str]:
+    """Paths of the files that a run reads."""
+    from obsdesign.simulate.recorded import followed
+
+    return followed(problem)
 
 
 def beside(target: str, spec: str) -> tuple[tuple[str, str], str]:

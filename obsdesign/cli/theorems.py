@@ -1,12 +1,11 @@
 """What `verify --theorem` is asked for: an assistant, a path, and whether the theorem is compiled."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from obsdesign.cli.steps import stem
-from obsdesign.coq.kernel import version
 from obsdesign.disk import require_ending, require_writable
 from obsdesign.errors import UsageError
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,8 @@ class Export:
         if not self.assistant:
             return None
         if self.compiled:
+            from obsdesign.coq.kernel import version
+
             version()
         path = self.output or f"{stem(gains)}.theorem.v"
         require_ending(path, "theorems")

@@ -1,7 +1,6 @@
 """What a request may hold of any family: ranges that are searched, bounds that a design keeps, and the slack."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
@@ -9,6 +8,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.region import Region
 from obsdesign.errors import Problem, UsageError
+from obsdesign.records import dataclass
 
 SLACK = fmpq(1, 20)
 

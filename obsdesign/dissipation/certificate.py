@@ -1,7 +1,7 @@
 """What proves a guarantee, and the proof: no solver is needed, or imported, to hold a certificate against its claim."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate,
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.lmi.spectrum import lower
 from obsdesign.model import loop
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

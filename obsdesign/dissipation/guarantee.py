@@ -1,7 +1,6 @@
 """Guarantees whose storage function is V = e' P e, and what a dissipation inequality implies of a run."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple
 
@@ -21,6 +20,7 @@ from obsdesign.families.guarantee import (
 )
 from obsdesign.lmi.formula import Array, Float, approximate, rational
 from obsdesign.lmi.spectrum import extremes, lower, upper
+from obsdesign.records import dataclass
 
 
 class Words(NamedTuple):

@@ -5,17 +5,19 @@ s = i omega, omega in rad/s, or at z = exp(i theta), theta in rad a sample, from
 """
 
 from abc import ABC, abstractmethod
+from math import ceil
 from typing import ClassVar
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.frequencies import angles, around, largest
+from obsdesign.dissipation.frequencies import angles, around, distinct, largest
 from obsdesign.lmi.formula import Array, identity
 
 INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
 ROUNDING = 1e-14  # of a pole, relative to the largest
 ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
+MOST_INSTANTS = 30_000  # of all modes of a system together
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 FORGOTTEN = 20  # time constants after which what is left of a response in samples is told by its sum
 LARGEST = 2**22  # numbers of it that are told one by one
@@ -131,10 +133,25 @@ class Exponentials(Modes):
             return np.full((B.shape[1], len(H), 1), np.nan), np.ones(1)
         ends = 25 / np.abs(values.real)
         counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
-        dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]
-        t = np.unique(np.concatenate([*dense, ends.max(initial=0.0) * np.geomspace(1e-9, 1, SAMPLES)]))
+        dense = courses(set(zip(ends.tolist(), counts.tolist(), strict=True)))
+        t = distinct(np.concatenate([*dense, ends.max(initial=0.0) * np.geomspace(1e-9, 1, SAMPLES)]))
         residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
         return (residues @ np.exp(values[:, None] * t)).real, widths(t)
+
+
+def courses(modes: set[tuple[float, int]]) -> list[Array]:
+    """Instants at which modes are looked at, each until its end in so many; a small system at those of all its modes.
+
+    In a large one, of which that would take gigabytes, at those of the quickest among the modes that are not yet over.
+    """
+    if sum(count for _, count in modes) <= MOST_INSTANTS:
+        return [np.linspace(0, end, count) for end, count in modes]
+    pieces, start, left = [], 0.0, sorted(modes)
+    for k, (end, _) in enumerate(left):
+        step = min(last / (count - 1) for last, count in left[k:])
+        pieces.append(np.linspace(start, end, 1 + ceil((end - start) / step)))
+        start = end
+    return pieces
 
 
 class Powers(Modes):

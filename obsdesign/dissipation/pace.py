@@ -4,13 +4,13 @@ A theorem has a rate, and a larger one is always harder: alpha (1/s) of V' + 2 a
 A spec and a file have alpha or rho. 1 - (1 - rho) is rho, so the way to and fro is the same.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
 
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.lmi.formula import rational_number
+from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least, at_most
 
 DIGITS = 12  # of a rho that is found: 1 - rho of these is exact enough for every 1 - rho above 1e-6

@@ -28,7 +28,6 @@ inequality keeps left of the axis, is |s| <= `RK4` / h: the largest half disc bu
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import isqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -37,6 +36,7 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, in_floats, symmetric, zeros
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.records import dataclass
 
 if TYPE_CHECKING:
     from obsdesign.dissipation.inequality import Incremental

@@ -35,6 +35,15 @@ def bounded(value: fmpq) -> fmpq:
     return value
 
 
+def decimal(text: str) -> fmpq:
+    """Rational of a decimal with or without an exponent."""
+    mantissa, _, exponent = text.lower().partition("e")
+    whole, _, fraction = mantissa.partition(".")
+    shift = int(exponent or 0) - len(fraction)
+    number = int(whole + fraction)
+    return fmpq(number * 10**shift) if shift > 0 else fmpq(number, 10**-shift)
+
+
 def double(value: fmpq) -> float:
     """Nearest double; infinite if there is none."""
     try:

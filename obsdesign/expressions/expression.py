@@ -1,7 +1,6 @@
 """Expressions as the rest of the package sees them."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
@@ -29,6 +28,7 @@ from obsdesign.expressions.tree import (
     text,
     total,
 )
+from obsdesign.records import dataclass
 
 Array = npt.NDArray[np.float64]
 

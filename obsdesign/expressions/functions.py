@@ -3,7 +3,6 @@
 import math
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial, reduce
 from typing import Any
 
@@ -14,6 +13,7 @@ from obsdesign.expressions import interval
 from obsdesign.expressions.exact import at, rational_root, sign
 from obsdesign.expressions.interval import Interval, even, monotone, unwidened, wave
 from obsdesign.expressions.tree import Call, Node, Number, equals, number, product, text, total
+from obsdesign.records import dataclass
 
 Nodes = Sequence[Node]
 Relation = Callable[[Any, Any], Any]

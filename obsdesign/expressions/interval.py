@@ -6,7 +6,6 @@ functions are widened by four units, the accuracy numpy documents, except where 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf, nan, pi
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from flint import fmpq
 
 from obsdesign.expressions.exact import double
+from obsdesign.records import dataclass
 
 Array = npt.NDArray[np.float64]
 ULPS = 4

@@ -7,7 +7,6 @@ attributes, subscripts, strings, keyword arguments and whatever else Python know
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
 from typing import ClassVar
@@ -29,6 +28,7 @@ from obsdesign.expressions.tree import (
     quotient,
     total,
 )
+from obsdesign.records import dataclass
 
 MAX_LENGTH = 10_000
 MAX_NESTING = 100

@@ -1,7 +1,6 @@
 """What a section `observer:` may hold in any family: its type, ranges that are searched, bounds, the slack."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from flint import fmpq
@@ -12,6 +11,7 @@ from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, refuse, required
 from obsdesign.sections.scalars import described

@@ -1,11 +1,11 @@
 """What a family of observers is to the rest: all that a stage may know of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.errors import Problem, UsageError
+from obsdesign.records import dataclass
 
 if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine

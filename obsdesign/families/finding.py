@@ -1,7 +1,6 @@
 """What the structure of a spec allows, or rules out: before any design, and in answers about an impossible one."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -11,6 +10,7 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.edge import Edge
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, decay_limit, undetectable
+from obsdesign.records import dataclass
 from obsdesign.spec import Nonlinearity
 from obsdesign.tables.text import at_most
 

@@ -14,7 +14,7 @@ prove nothing; the design that is shipped is proved like any other.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.noise import heard, period_of
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
 from obsdesign.lmi.formula import Array, printed
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec
 
 HALF = 0.5  # of the gamma of no observer: a gain that does less is of no use

@@ -17,6 +17,7 @@ from flint import fmpq, fmpz
 
 from obsdesign.disk import LARGEST, content_of
 from obsdesign.errors import EXIT, NOT_ONE_LINE, Problem, UsageError
+from obsdesign.expressions.exact import decimal
 from obsdesign.lmi.formula import Array, Unknown, approximate, printed, rational, rational_number
 from obsdesign.lmi.proof import Check
 
@@ -24,6 +25,9 @@ LONGEST = 100_000  # characters of one number
 LEGIBLE = 60  # .. in a message
 DEEPEST = 50  # objects and lists within each other
 LARGEST_POWER = 400  # of ten
+MOST_DECIMALS = 40  # that are written out
+FIVES = {5**k: k for k in range(MOST_DECIMALS + 1)}
+SHORT = re.compile(r"-?[0-9]{1,50}(\.[0-9]{1,50})?", re.ASCII)  # a decimal that needs no care
 SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
@@ -235,16 +239,18 @@ class ResultFile:
         """Rational of a decimal or of "p/q"."""
         if isinstance(text, str) and len(text) > LONGEST:
             raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read", id="OBS702")
+        if isinstance(text, str) and SHORT.fullmatch(text):
+            return decimal(text)
         try:
             if not isinstance(text, str) or not NUMBER.fullmatch(text):
                 raise ValueError
             if "/" in text:
                 found = fmpq(*(fmpz(part) for part in text.split("/")))
             else:
-                decimal = Decimal(text)
-                if abs(decimal.adjusted()) > LARGEST_POWER:
+                number = Decimal(text)
+                if abs(number.adjusted()) > LARGEST_POWER:
                     raise ValueError
-                found = rational_number(Fraction(decimal))
+                found = rational_number(Fraction(number))
         except (ValueError, ArithmeticError):
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number", id="OBS702") from None
         if math.isinf(approximate(found)):
@@ -254,12 +260,23 @@ class ResultFile:
 
 def rows(matrix: Array) -> list[list[str]]:
     """Exact entries."""
-    return [[str(entry) for entry in row] for row in matrix]
+    return [list(map(shortest, row)) for row in matrix]
+
+
+def shortest(value: fmpq) -> str:
+    """Rational as a decimal or as p/q, whichever is shorter: 1316.4 for 6582/5, 1/3 for itself."""
+    fraction, q = str(value), int(value.q)
+    twos = (q & -q).bit_length() - 1
+    places = max(twos, FIVES.get(q >> twos, MOST_DECIMALS + 1))
+    if not 0 < places <= MOST_DECIMALS:
+        return fraction
+    digits = str(abs(int(value.p)) * (10**places // q)).rjust(places + 1, "0")
+    return min(f"{'-' * (value < 0)}{digits[:-places]}.{digits[-places:]}", fraction, key=len)
 
 
 def written(value: Array) -> str | list[list[str]]:
     """Exact value of an unknown: a number, or rows."""
-    return str(value.item()) if value.shape == (1, 1) else rows(value)
+    return shortest(value.item()) if value.shape == (1, 1) else rows(value)
 
 
 def checks(found: Iterable[Check]) -> list[dict[str, Any]]:
@@ -277,6 +294,13 @@ def witness(storage: Mapping[str, Array], multipliers: Mapping[str, Array], foun
 def digest(text: str) -> str:
     """SHA-256 of a spec's text."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def release(package: str) -> str:
+    """Version of an installed package; what reads it is imported here, for no proof needs it."""
+    from importlib.metadata import version
+
+    return version(package)
 
 
 def to_json(value: Any) -> str:

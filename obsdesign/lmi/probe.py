@@ -1,7 +1,6 @@
 """First reading of a formula: one batched evaluation gives the affine map that the solver sees."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import accumulate, pairwise
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values
+from obsdesign.records import dataclass
 
 MOST = 2**13  # scalar unknowns: the points at which a formula is evaluated take 0.5 GiB then, and its values some more
 TOGETHER = 2**20  # entries of values of a formula up to which they are looked at together

@@ -1,7 +1,6 @@
 """Third reading of a formula: in rationals, where the sign of a matrix is a fact. No solver takes part."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ from flint import fmpq, fmpq_mat
 from obsdesign.lmi.dominance import definite
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, rational
 from obsdesign.lmi.probe import coordinates, matrices
+from obsdesign.records import dataclass
 
 Formula = Callable[[Values], Sequence[Inequality]]
 

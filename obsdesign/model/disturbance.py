@@ -4,7 +4,7 @@ Equations (2), (10) and (11) of Corless and Chakrabarty (2019).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from math import cos, sin
 from typing import Any
 
@@ -14,6 +14,7 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, printed, rational, zeros
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,8 @@ def with_inputs(plant: Plant[Exact], model: Generator, names: tuple[str, ...]) -
 def rows_of(x: Sequence[str], xm: Sequence[str], w: Sequence[str], model: Generator) -> dict[str, Array | None]:
     """Row over (x, xm) of each state and each w by name; None where w has a feedthrough from v or f."""
     size = len(x) + len(xm)
-    table: dict[str, Array | None] = dict(zip((*x, *xm), identity(size, like=empty(0, 0)), strict=True))
+    own = np.where(np.eye(size, dtype=bool), fmpq(1), fmpq(0))
+    table: dict[str, Array | None] = dict(zip((*x, *xm), own, strict=True))
     for name, row, direct, curved in zip(w, model.Cm, model.Dm, model.Dwf, strict=True):
         whole = blocks([[np.zeros((1, len(x))), row[None]]])[0]
         table.setdefault(name, None if direct.any() or curved.any() else whole)

@@ -1,6 +1,5 @@
 """Where the modes of an error lie that decays as it must: left of -alpha, or within the circle of radius rho."""
 
-from dataclasses import dataclass
 from itertools import zip_longest
 from math import inf
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 from flint import arb, fmpq, fmpq_mat, fmpq_poly
 
 from obsdesign.lmi.formula import Array, identity
+from obsdesign.records import dataclass
 
 NEARLY = 1 - fmpq(1, 10**9)  # part of a rate that a mode must not reach: at the rate itself an inequality may hold
 

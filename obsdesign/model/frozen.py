@@ -9,7 +9,6 @@ rationals, and that K is judged at the eigenvectors of what is left. An irration
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice, product
 
 import numpy as np
@@ -22,6 +21,7 @@ from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.pencil import System
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, mode
+from obsdesign.records import dataclass
 
 MOST = 300  # combinations of vertices and free blocks that are looked at
 RATES = 24  # values of lambda that are tried where there is one for each

@@ -1,7 +1,6 @@
 """Whether the implicit equation q = c + D f(t, y, q) of a plant, or of an observer, has one solution."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from obsdesign.lmi.formula import Array, Inequality, Problem, Values, he, identi
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, widest
 from obsdesign.model.multiplier import Matrix, Multiplier
+from obsdesign.records import dataclass
 
 EXPLICIT = "no block of f acts on its own argument, so they are computed block by block"
 

@@ -10,7 +10,7 @@ inequalities of the cone, never a type.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isqrt
 from string import ascii_lowercase
 from typing import Any
@@ -29,6 +29,7 @@ from obsdesign.lmi.formula import (
     zeros,
 )
 from obsdesign.lmi.proof import holds
+from obsdesign.records import dataclass
 
 Matrix = tuple[Array, Array, Array]  # M11 (nq, nq), M12 (nq, nf), M22 (nf, nf)
 

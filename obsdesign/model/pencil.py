@@ -4,12 +4,11 @@ Every rank decision is taken on a scaled system, where it is relative to 1, agai
 lies this close to one of lower rank cannot be told from it by anything that computes in doubles.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from obsdesign.lmi.equilibrate import factors
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 
 TOLERANCE = 1e-12
 

@@ -9,7 +9,6 @@ x and w that it is a function of. Terms with the same arguments that enter the e
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +21,7 @@ from obsdesign.expressions.functions import operation
 from obsdesign.expressions.tree import Call, Node, Number, Variable, number, postorder, product, quotient, total
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import empty
+from obsdesign.records import dataclass
 
 MAX_TERMS = 2000  # products of a right side, multiplied out
 Row = dict[str, fmpq]  # coefficients of a linear combination of signals, by name; no zeros

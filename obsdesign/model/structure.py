@@ -3,7 +3,6 @@
 Corless and Chakrabarty (2019), section 4. All functions read plants in doubles, `plant.doubles`.
 """
 
-from dataclasses import dataclass
 from math import inf
 from typing import Any
 
@@ -25,6 +24,7 @@ from obsdesign.model.pencil import (
     text,
 )
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 
 ALL = Edge.none(sampled=False)
 

@@ -1,7 +1,7 @@
 """Nonlinearities whose Jacobian stays in a cone of matrices."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from flint import fmpq
@@ -13,6 +13,7 @@ from obsdesign.nonlinearities.data import MatrixList
 from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.slope import component
 from obsdesign.nonlinearities.template import Template, require_matrices
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

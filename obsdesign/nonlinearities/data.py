@@ -2,11 +2,11 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Form, ListOf, Named, Section
 from obsdesign.sections.scalars import described

@@ -1,7 +1,7 @@
 """Nonlinearities whose Jacobian stays in a polytope of matrices."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.slope import component
 from obsdesign.nonlinearities.template import Template, require_matrices
+from obsdesign.records import dataclass
 from obsdesign.sections.forms import Either, auto
 
 

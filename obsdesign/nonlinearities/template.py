@@ -1,7 +1,6 @@
 """A type of nonlinearity: what it assumes of f, what data it takes, and what follows from it."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
@@ -14,6 +13,7 @@ from obsdesign.nonlinearities.evidence.automatic import Choice
 from obsdesign.nonlinearities.evidence.claims import Claim, Quadratic, Worded, generators
 from obsdesign.nonlinearities.evidence.proof import surely
 from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.records import dataclass
 
 Slopes = list[tuple[fmpq, fmpq | None]]
 

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from obsdesign.nonlinearities.evidence.refutation import counterexample, searche
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
 from obsdesign.nonlinearities.slope import INFINITE
 from obsdesign.reading.plant_schema import AUTO, Auto, Function, TypeData
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import unknown

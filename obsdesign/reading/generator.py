@@ -1,7 +1,6 @@
 """The disturbance section of a spec: how w is generated from v."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import pi
 
@@ -12,6 +11,7 @@ from obsdesign.model.disturbance import Generator
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.disturbance_schema import ChannelData, Disturbance, DisturbanceModel
 from obsdesign.reading.plant import Layout, order
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted

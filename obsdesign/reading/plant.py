@@ -1,7 +1,6 @@
 """The plant of a spec: sizes from its matrices, then every matrix checked against them; names of its signals."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
@@ -15,6 +14,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.plant_schema import Equations, InMatrices
 from obsdesign.reading.plant_schema import Nonlinearity as Section
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted, meaning

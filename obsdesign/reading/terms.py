@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -20,6 +20,7 @@ from obsdesign.reading import plant_schema as schema
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.plant import Names, Part
 from obsdesign.reading.plant_schema import AUTO
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.values import Entries, Reader
 from obsdesign.sections.words import unknown

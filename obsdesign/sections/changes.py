@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from itertools import combinations
 
 from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
-from obsdesign.sections.document import Document, Loc, Node, compose, dotted
+from obsdesign.sections.document import Document, Loc, compose, dotted
+from obsdesign.sections.nodes import Node
 from obsdesign.sections.scalars import CONSTANTS, described
 
 CHANGE = re.compile(r"\s*([A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*)\s*=(.*)", re.DOTALL)
@@ -76,7 +77,7 @@ def of_origin(node: Node, origin: str) -> Node:
     if isinstance(value, dict):
         value = {name: (of_origin(key, origin), of_origin(entry, origin)) for name, (key, entry) in value.items()}
     elif isinstance(value, list):
-        value = [of_origin(entry, origin) for entry in value]
+        value = [of_origin(entry, origin) for entry in node.entries]
     return node._replace(value=value, line=0, column=0, origin=origin)
 
 
@@ -89,7 +90,7 @@ def put(node: Node, loc: Loc, new: Node, change: str) -> Node:
         key, entry = node.value.get(name, (new._replace(value=name), new._replace(value={})))
         return node._replace(value={**node.value, name: (key, put(entry, rest, new, change))})
     if isinstance(name, int) and isinstance(node.value, list) and name < len(node.value):
-        entries = list(node.value)
+        entries = node.entries
         entries[name] = put(entries[name], rest, new, change)
         return node._replace(value=entries)
     kind = "a list of more entries" if isinstance(name, int) else "a mapping"

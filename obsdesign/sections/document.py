@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, NoReturn
 import yaml
 
 from obsdesign.errors import NOT_ONE_LINE, Excerpt, Problem, UsageError
+from obsdesign.sections.nodes import Node, row_of
 from obsdesign.sections.scalars import Number, described, scalar
 from obsdesign.sections.slips import slip
 
@@ -31,30 +32,11 @@ LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LINE_END = re.compile("[\n\r\x85\u2028\u2029]")
 OPERATOR = re.compile(r"[*/()+<>]")
 PARSER = "not valid YAML"  # what the parser says, where nothing better is known
-NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+# what is not allowed; the complement of what is would take 4 ms to compile
+NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufeff\ufffe\uffff]")
 
 Loc = tuple[str | int, ...]
 Mark = Any  # of PyYAML, or of libyaml
-
-
-class Node(NamedTuple):
-    """A value and where it begins: line and column are counted from 1."""
-
-    value: Any  # None, bool, Number, str, list[Node], or dict[str, tuple[Node, Node]] of keys and values
-    line: int
-    column: int
-    begins: int  # index in the text
-    size: int = 1  # nodes in it, each alias counted as what it stands for
-    height: int = 0  # lists and mappings inside each other
-    origin: str = ""  # what put it there, if it stands in no line of the text
-
-    def plain(self) -> Any:
-        """Return the values without their places."""
-        if isinstance(self.value, dict):
-            return {name: node.plain() for name, (_, node) in self.value.items()}
-        if isinstance(self.value, list):
-            return [node.plain() for node in self.value]
-        return self.value
 
 
 class Document(NamedTuple):
@@ -88,7 +70,7 @@ class Document(NamedTuple):
             if isinstance(node.value, dict) and name in node.value:
                 key, node = node.value[name]
             elif isinstance(node.value, list) and isinstance(name, int) and name < len(node.value):
-                key = node = node.value[name]
+                key = node = node.entries[name]
             else:
                 return key, key
         return key, node
@@ -194,6 +176,7 @@ class Composer:
         self.root: Node | None = None
         self.problems: list[Problem] = []
         self.stack: list[Open] = []
+        self.row: list[yaml.ScalarEvent] | None = None  # entries of the innermost list, if that is in brackets
         self.anchors: dict[str, Node | None] = {}  # None: still open
         self.nodes = 0
         self.aliased = 0
@@ -212,6 +195,31 @@ class Composer:
         return tuple(key for key in keys if key is not None)
 
     def take(self, event: yaml.Event) -> None:
+        """Add one event of the parser, or keep it until a row is known to be one of numbers."""
+        if self.row is not None:
+            if isinstance(event, yaml.ScalarEvent):
+                self.row.append(event)
+                return
+            kept, self.row = self.row, None
+            if isinstance(event, yaml.SequenceEndEvent) and self.whole(len(kept), event.end_mark):
+                return
+            for entry in kept:
+                self.put(entry)
+        self.put(event)
+        if isinstance(event, yaml.SequenceStartEvent) and event.flow_style:
+            self.row = []
+
+    def whole(self, count: int, end: Mark) -> bool:
+        """Whether the innermost list, which ends here, is a row of so many numbers; it is added then."""
+        started = self.stack[-1].mark
+        row = row_of(self.text[started.index : end.index]) if self.nodes + count <= MAX_NODES else None
+        if row is None or len(row) != count:
+            return False
+        self.nodes += count
+        self.add(placed(row, started, 1 + count, 1), self.stack.pop().anchor)
+        return True
+
+    def put(self, event: yaml.Event) -> None:
         """Add one event of the parser."""
         if len(self.problems) > MAX_PROBLEMS:
             self.stop(event.start_mark, "too much is wrong to read on", id="OBS103")

@@ -5,7 +5,8 @@ from typing import Any
 
 from obsdesign.errors import UsageError
 from obsdesign.sections.changes import opened, parted
-from obsdesign.sections.document import Node, compose
+from obsdesign.sections.document import compose
+from obsdesign.sections.nodes import Node
 from obsdesign.sections.writing import written
 
 QUOTES, OPENING, CLOSING = "'\"", "[{", "]}"

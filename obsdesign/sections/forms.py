@@ -16,10 +16,10 @@ is read, since families and types of nonlinearities are registered, which no sta
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 
 from obsdesign.errors import NOT_ONE_LINE
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc, compose
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.slips import rewritten

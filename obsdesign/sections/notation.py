@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Sequence
 from typing import Any
 
+from obsdesign.sections.nodes import Row
 from obsdesign.sections.units import misread
 
 LONGEST = 2000  # characters of a text that may be a matrix
@@ -26,6 +27,8 @@ def meant(value: str | Sequence[Any], names: Collection[str]) -> Rows | None:
     """
     if isinstance(value, str):
         return of_text(value.strip(), names)
+    if isinstance(value, Row) or all(isinstance(row, Row) for row in value):
+        return None
     nested = any(isinstance(row, list) for row in value)
     rows: list[Any] = [row if isinstance(row, list) else [row] for row in value] if nested else [value]
     if not all(isinstance(entry, str) for row in rows for entry in row):

@@ -7,24 +7,26 @@ errors of a file are found at once. A size that an earlier error leaves open is 
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, NoReturn
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import Problem, UsageError, gathered
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
+from obsdesign.expressions.exact import decimal
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 from obsdesign.sections.document import MAX_PROBLEMS, Document, Loc, dotted
+from obsdesign.sections.nodes import Row
 from obsdesign.sections.notation import as_lists, meant
 from obsdesign.sections.scalars import AS_DOUBLE, DATE, MAX_QUOTED, NOT_FINITE, described
 from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)
-MOST_PLACES = 8  # of an unknown name, that are told
 UNKNOWN = re.compile("unknown name '([^']+)'(?!:)")  # of a message
 SIGNAL = {kind: re.compile(f"{letter}[0-9]*") for kind, letter in (("a state", "x"), ("an output", "y"))}
 SIGNAL |= {"a known input": re.compile("u[0-9]*"), "a disturbance": re.compile("[wv][0-9]*")}
@@ -134,22 +136,6 @@ class Entries:
 def counted(count: int | None, unit: str) -> str:
     """Count with its unit in the singular or plural."""
     return f"{count} {unit}" if count == 1 else f"{count} {unit}s"
-
-
-def gathered(problems: list[Problem]) -> list[Problem]:
-    """Problems in their order, an unknown name once: where it stands first, with its other places."""
-    found: dict[str, list[Problem]] = {}
-    for problem in problems:
-        named = problem.id == "OBS302" and problem.line
-        found.setdefault(problem.message.partition(";")[0] if named else str(problem), []).append(problem)
-    return [repeated(*same) for same in found.values()]
-
-
-def repeated(first: Problem, *others: Problem) -> Problem:
-    """Problem with the other places where it is met."""
-    also = ", ".join(f"{other.line}:{other.column}" for other in others[:MOST_PLACES])
-    also += f" and {len(others) - MOST_PLACES} more" if len(others) > MOST_PLACES else ""
-    return replace(first, message=f"{first.message}; also at {also}") if others else first
 
 
 class Reader:
@@ -278,8 +264,7 @@ class Reader:
             return Entries(loc, number, wrong=len(self.problems) > before)
         self.limit(len(value), "rows or entries", loc)
         if not any(isinstance(row, list) for row in value):
-            items = [self.number(entry, (*loc, i)) for i, entry in enumerate(value)]
-            return Entries(loc, np.array(items, dtype=object))
+            return Entries(loc, np.array(self.items(value, loc), dtype=object))
         return self.rows(value, loc)
 
     def rows(self, value: Sequence[Sequence[str]], loc: Loc) -> Entries:
@@ -293,9 +278,16 @@ class Reader:
                 self.wrong(
                     (*loc, i), f"expected a row of {usual} like the others, found a row of {len(row)}", id="OBS209"
                 )
-            for j, entry in enumerate(row[:usual]):
-                matrix[i, j] = self.number(entry, (*loc, i, j))
+            items = self.items(row if len(row) <= usual else row[:usual], (*loc, i))
+            matrix[i, : len(items)] = items
         return Entries(loc, matrix, wrong=min(lengths) < max(lengths))
+
+    def items(self, row: Sequence[str], loc: Loc) -> list[fmpq]:
+        """Values of a row or a vector."""
+        if isinstance(row, Row):
+            self.exact |= {text: decimal(text) for text in row if text not in self.exact}
+            return [self.exact[text] for text in row]
+        return [self.number(entry, (*loc, j)) for j, entry in enumerate(row)]
 
     def matrix(self, entries: Entries, rows: Axis, columns: Axis) -> Array:
         """Matrix of the size that there must be."""

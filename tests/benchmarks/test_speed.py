@@ -129,6 +129,21 @@ def test_a_spec_is_read_within_30_ms(benchmark):
     assert seconds < 0.03 * slowness()
 
 
+def test_a_spec_of_256_states_is_read_within_300_ms(benchmark):
+    A, B, C, D = (np.round(X, 6).tolist() for X in random_entries(256))
+    text = f"obsdesign: 1\nsystem:\n  A: {A}\n  B: {B}\n  C: {C}\n  D: {D}\nobserver: {{type: l2, alpha: 0.1}}\n"
+    assert len(text) > 6e5
+    loads(text)
+    seconds = benchmark.pedantic(lambda: min(processor_time(lambda: loads(text))[0] for _ in range(3)), rounds=1)
+    assert seconds < 0.3 * slowness()
+
+
+def random_entries(n):
+    """Matrices of n states in which no entry is zero."""
+    rng = np.random.default_rng(0)
+    return tuple(rng.uniform(0.1, 1, shape) for shape in ((n, n), (n, 3), (2, n), (2, 3)))
+
+
 def test_a_proof_of_order_8_takes_less_than_50_ms(benchmark, tmp_path):
     spec = load(str(BEARING))
     path = tmp_path / "gains.json"

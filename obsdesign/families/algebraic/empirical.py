@@ -229,7 +229,7 @@ def box_of(equations: Equations, domain: Domain) -> Array:
     return box
 
 
-def samples(bank: Bank, box: Array, fast: float, draw: np.random.Generator) -> list[dict[str, Array]]:
+def samples(bank: Bank, box: Array, fast: float, draw: "np.random.Generator") -> list[dict[str, Array]]:
     """Signals of the runs that are fitted, and of others in the transient and once they have settled.
 
     They begin at different times, so that the inputs are met in every phase.

@@ -1,13 +1,13 @@
 """Observers without an LMI as a spec gives them, in expressions of the signals of the plant."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 
 Method = Literal["gradient", "log-gradient", "drem", "proportional"]
 METHODS = get_args(Method)

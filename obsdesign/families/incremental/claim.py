@@ -1,12 +1,11 @@
 """Claims of observers with the gains L1 and L2 (families l2 and linf), as a file holds them and as it is read."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
 
-from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept, read_values
 from obsdesign.dissipation.discrete import FILTERED, PREDICTED
@@ -34,6 +33,7 @@ from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.model.filtered import gain_of
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 
@@ -100,6 +100,8 @@ class Claim(Proved):
 
     def theorem(self, spec: Spec) -> str:
         """Claim as a file of Coq; raises `UnexportedError`."""
+        from obsdesign.coq.theorem import exported
+
         request = request_of(spec)
         bounds = NO_BOUNDS if request.gains else request.bounds
         more = self.reconstruction.of_a_linear_plant() if self.reconstruction else None

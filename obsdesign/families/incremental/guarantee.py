@@ -1,6 +1,5 @@
 """What is proved of an L-infinity observer, and of the unknown input that it reconstructs."""
 
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from obsdesign.dissipation.guarantee import Quadratic, Sampled
 from obsdesign.families.guarantee import Bound, Course, Rates, Steps, bound, envelope, tightest
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
@@ -20,6 +19,7 @@ from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.outcome import BEST_FOUND, bounded_kind
 from obsdesign.lmi.solve import Status
+from obsdesign.records import dataclass
 
 EASY = 2.0  # times the least gamma of a large plant, where gamma is not the objective
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal

@@ -20,13 +20,12 @@ nothing is proved of what, and Theorem 1 holds all the same.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from obsdesign.coq.reconstruction import Reconstruction
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.families.incremental.guarantee import Reconstruction as Bound
 from obsdesign.families.incremental.theorems import Linf
@@ -48,7 +47,11 @@ from obsdesign.lmi.formula import (
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.lmi.spectrum import extremes, upper
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec, arguments
+
+if TYPE_CHECKING:
+    from obsdesign.coq.reconstruction import Reconstruction
 
 DRIFT, ARGUMENT = "pinv(B) A e", "(Cq + L2 C) e"
 RATE_W, RATE_D = "pinv(B) e' from w'", "pinv(B) e' from d"
@@ -162,8 +165,10 @@ class Reconstructed:
         """Whether the bound is proved."""
         return all(check.holds for check in self.conditions())
 
-    def of_a_linear_plant(self) -> Reconstruction | None:
+    def of_a_linear_plant(self) -> "Reconstruction | None":
         """The same as a theorem of Coq has it, where the plant has no f; else None."""
+        from obsdesign.coq.reconstruction import Reconstruction
+
         from_rate = self.levels[RATE_W]
         plant = from_rate.family.plant
         if plant.Bf.shape[1]:

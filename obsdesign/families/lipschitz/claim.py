@@ -7,7 +7,6 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept, read_values
 from obsdesign.dissipation.decimals import square_below
@@ -106,6 +105,8 @@ class Claim(Proved):
 
     def theorem(self, spec: Spec) -> str:
         """Claim as a file of Coq; raises `UnexportedError`."""
+        from obsdesign.coq.theorem import exported
+
         request = request_of(spec)
         kept_bounds = NO_BOUNDS if request.gains else request.bounds
         larger = self.admissible.certificate if self.admissible else None

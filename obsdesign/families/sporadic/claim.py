@@ -6,7 +6,6 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.coq.theorem import UnexportedError
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import (
     CONSTANTS,
@@ -73,6 +72,8 @@ class Claim(Proved):
 
     def theorem(self, spec: Spec) -> str:  # noqa: ARG002
         """None: raises `UnexportedError`."""
+        from obsdesign.coq.theorem import UnexportedError
+
         raise UnexportedError("claims of a proposition are not exported yet, those of relaxation clock are")
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:

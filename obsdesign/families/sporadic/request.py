@@ -1,7 +1,7 @@
 """What a spec asks where measurements arrive sporadically, in its numbers."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 from flint import fmpq
@@ -21,6 +21,7 @@ from obsdesign.families.sporadic.section import (
 )
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.edge import Edge
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec

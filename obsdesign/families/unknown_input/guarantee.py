@@ -1,6 +1,6 @@
 """What is proved of a run of an unknown-input observer: V is that of eps = xi - T x."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.families.guarantee import Bound, Course
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 
 OUTWARD = 1 + 1e-12  # rounding of a norm
 

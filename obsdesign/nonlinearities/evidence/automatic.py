@@ -1,7 +1,6 @@
 """The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 from math import inf
@@ -26,6 +25,7 @@ from obsdesign.nonlinearities.evidence.enclosure import (
 from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.polytope import MAX_TOGETHER, together
 from obsdesign.nonlinearities.evidence.restriction import Restriction, order_free
+from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least, at_most
 
 MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices

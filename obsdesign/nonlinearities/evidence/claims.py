@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -16,6 +15,7 @@ from obsdesign.model.multiplier import Multiplier, Scaled, Sum
 from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.proof import form_holds, in_hull, lipschitz_within, slope_within
 from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least, at_most
 
 NEGLIGIBLE = 1e-6  # part of the typical change of f in which rounding errors matter

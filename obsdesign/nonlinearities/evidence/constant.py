@@ -5,7 +5,7 @@ could not be proved.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import takewhile
 from math import inf
 
@@ -15,6 +15,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.enclosure import WORK, Doubt, Supremum, doubt, shown
 from obsdesign.nonlinearities.evidence.norm import PATIENCE, TIGHT, Matrix, largest_norm
 from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
+from obsdesign.records import dataclass
 
 SCALES = 24  # 4^-k around a finite place, 4^k toward infinity
 COUNT = 128  # points at each of them
@@ -102,7 +103,7 @@ def growth(f: Restriction, place: Mapping[str, Range]) -> Growth | None:
     return known[-1] if last > GROWTH * middle > GROWTH * GROWTH * first > 0 else None
 
 
-def around(f: Restriction, place: Mapping[str, Range], k: int, rng: np.random.Generator) -> tuple[Array, Array]:
+def around(f: Restriction, place: Mapping[str, Range], k: int, rng: "np.random.Generator") -> tuple[Array, Array]:
     """Pairs of points (variables, COUNT) at the scale k, on two sides of a finite place."""
     first, second = [], []
     for name, region in f.box.items():

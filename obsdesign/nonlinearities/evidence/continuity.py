@@ -4,7 +4,6 @@ A derivative bounds the difference quotients of f there only: that of a jump, su
 """
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from functools import reduce
 from operator import and_
 
@@ -15,6 +14,7 @@ from obsdesign.expressions import Expression, Interval
 from obsdesign.expressions.functions import COMPARISONS, OPERATIONS
 from obsdesign.expressions.interval import point
 from obsdesign.expressions.tree import Call, fold
+from obsdesign.records import dataclass
 
 Truth = npt.NDArray[np.bool_]
 YES = np.array(True)

@@ -7,7 +7,6 @@ what is left of it makes a bound loose, never wrong.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from functools import lru_cache
 from itertools import product
@@ -21,6 +20,7 @@ from obsdesign.expressions import Expression, Interval
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.continuity import continuous
 from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
+from obsdesign.records import dataclass
 
 Boxes = Mapping[str, Interval]
 DIGITS = 12  # of a bound, rounded outward

@@ -14,7 +14,7 @@ corner.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from math import inf
 from operator import mul
@@ -34,6 +34,7 @@ from obsdesign.nonlinearities.evidence.enclosure import (
     supremum,
 )
 from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
+from obsdesign.records import dataclass
 
 Matrix = Sequence[Sequence[Expression]]
 TIGHT = 1e-6  # relative

@@ -6,7 +6,7 @@ exactly tight is never refused for a rounding error.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import floor, log10
 
 import numpy as np
@@ -18,6 +18,7 @@ from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.claims import Claim, Quadratic
 from obsdesign.nonlinearities.evidence.enclosure import middle, negative, supremum_of
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, Restriction
+from obsdesign.records import dataclass
 
 BITS = 256  # of the balls
 VISIBLE = 1e-9  # relative violation, below which sampling sees rounding errors only
@@ -223,7 +224,7 @@ def values(f: Restriction, points: Array) -> Array:
     return np.array([np.broadcast_to(g.function(names)(*points), points.shape[1]) for g in f.f])
 
 
-def spread(box: Mapping[str, Range], rng: np.random.Generator, count: int) -> Array:
+def spread(box: Mapping[str, Range], rng: "np.random.Generator", count: int) -> Array:
     """Points (k, count) that cover the box in every variable evenly (a Latin hypercube)."""
     places = [(rng.permutation(count) + 0.5) / count for _ in box]
     return np.array([placed(u, limits) for u, limits in zip(places, box.values(), strict=True)])
@@ -261,14 +262,14 @@ def clipped(f: Restriction, points: Array) -> Array:
     return np.clip(points, limits[:, :1], limits[:, 1:])
 
 
-def apart(f: Restriction, points: Array, rng: np.random.Generator) -> Members:
+def apart(f: Restriction, points: Array, rng: "np.random.Generator") -> Members:
     """Pairs of any two points, the other variables taken from the first."""
     second = points.copy()
     second[: f.nq] = points[: f.nq, rng.permutation(points.shape[1])]
     return points, second
 
 
-def astray(f: Restriction, points: Array, rng: np.random.Generator) -> Members:
+def astray(f: Restriction, points: Array, rng: "np.random.Generator") -> Members:
     """Pairs of points at all distances, in all directions and along the axes."""
     count = points.shape[1]
     direction = rng.standard_normal((f.nq, count))
@@ -279,7 +280,7 @@ def astray(f: Restriction, points: Array, rng: np.random.Generator) -> Members:
     return points, clipped(f, second)
 
 
-def steepest(f: Restriction, claim: Claim, points: Array, trials: int, rng: np.random.Generator) -> list[Members]:
+def steepest(f: Restriction, claim: Claim, points: Array, trials: int, rng: "np.random.Generator") -> list[Members]:
     """Close pairs around the points where the Jacobian violates the claim most, in its worst direction."""
     entries = moderate(f)
     if not entries:

@@ -1,7 +1,6 @@
 """A nonlinearity on the region where its type must hold."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 
@@ -11,6 +10,7 @@ from flint import fmpq
 from obsdesign.expressions import Expression, Interval
 from obsdesign.expressions.interval import point
 from obsdesign.expressions.tree import Call, Node, Number, Variable, fold
+from obsdesign.records import dataclass
 
 Range = tuple[float, float]
 Ends = tuple[fmpq | None, fmpq | None]  # None: no limit

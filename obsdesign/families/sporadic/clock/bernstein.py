@@ -15,7 +15,6 @@ one of the next: P is continuous.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import comb
@@ -24,6 +23,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array, Float, rational_number, zeros
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)
