@@ -47,14 +47,18 @@ def least(engine: Engine, family: Incremental) -> Solve:
 
 
 def within(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
-    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell.
+    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell."""
+    return judged(engine, family, unjudged(engine, family, bounds), bounds)
 
-    These are asked of small plants as well where inequalities leave it undecided.
-    """
+
+def unjudged(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
+    """Same, but that Riccati equations are not asked of small plants what inequalities leave undecided."""
     known = least_gamma(engine, family, bounds)
-    if known is not None:
-        return known
-    answer = bounded(least(engine, family), bounds)
+    return known if known is not None else bounded(least(engine, family), bounds)
+
+
+def judged(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds = NO_BOUNDS) -> Answer:
+    """Answer of `unjudged`, or of Riccati equations in its place where it is undecided and these tell."""
     undecided = answer.status is Status.UNDECIDED and family.plant.n < SEARCHED
     return (undecided and least_gamma(engine, family, bounds, smallest=0)) or answer
 
