@@ -220,5 +220,5 @@ def test_a_stable_plant_is_not_called_infeasible_where_its_outputs_are_almost_ex
     C, D = np.array([[1, 0], [0.3, 1]]) * unit, np.array([[0, 1e-8, 0], [0, 0, 1e-8]]) * unit
     system = {"time": "discrete", "period": 0.1, "A": [[0.5, 0], [0, 0.3]], "B": [[1, 0, 0], [0.5, 0, 0]]}
     spec = od.Spec(system=system | {"C": C, "D": D}, observer={"type": "l2", "rho": 1})
-    with pytest.raises(od.UndecidedError, match="give `bounds: {L1: "):
+    with pytest.raises(od.UndecidedError, match=r"give `bounds: \{L1: "):
         od.solve(spec)
