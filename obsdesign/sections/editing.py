@@ -48,7 +48,7 @@ def replaced(text: str, change: str) -> str:
         if isinstance(name, str) and isinstance(node.value, dict) and name in node.value:
             node = node.value[name][1]
         elif isinstance(name, int) and isinstance(node.value, list) and name < len(node.value):
-            node = node.value[name]
+            node = node.entries[name]
         else:
             return text
     end = end_of(document.text, node)
