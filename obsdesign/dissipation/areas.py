@@ -8,7 +8,7 @@ from obsdesign.lmi.formula import Array
 
 DIRECTIONS = 100  # of z in which its peak is sought
 AT_ONCE = 512  # of the samples, so that what is computed of them stays near the processor
-FEWER = 16  # of the instants of a large system one is looked at, to find the worst member and
+FEWER = 2  # states for each of which one more of the instants is passed over, to find the worst member and
 FEW = 4  # the worst directions, in which all are
 
 
@@ -49,7 +49,7 @@ def worst_area(
     """
     worst, found = -1.0, None
     for A, B in systems:
-        h, widths = impulse(A, B, H, FEWER)
+        h, widths = impulse(A, B, H, len(A) // FEWER)
         tried = directions(h, widths) if h.size else None
         if tried is None:
             continue

@@ -114,7 +114,10 @@ class Modes(ABC):
         response = self.responses(A, B)
 
         def sizes(omega: Array) -> Array:
-            return np.asarray(np.linalg.norm(H @ response(omega), 2, axis=(1, 2)))[:, None]
+            z = H @ response(omega)
+            if len(A) < LARGE:
+                return np.asarray(np.linalg.norm(z, 2, axis=(1, 2)))[:, None]
+            return np.sqrt(np.linalg.eigvalsh(z.conj().transpose(0, 2, 1) @ z)[:, -1:])
 
         return float(largest(sizes, self.frequencies(A)).item())
 
