@@ -28,7 +28,8 @@ from obsdesign.riccati.least import (
     require_quiet,
 )
 
-SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,))  # of the size of v: noise on every state; downwards, or else more of it
+SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,), (3e-3,))  # of the size of v: noise on every state; downwards, or else more
+MOST = 3e-3  # the largest of these, tried only where it is quiet and every least mu has its bound
 UNSEEN = 1e-5  # relative: what that noise may add to mu before less of it is tried
 GRID = tuple(float(factor) for factor in np.exp(3.0 * np.arange(-8, 9)))  # factors of a common scale, to begin with
 HIGH = (1e3, 1e6)  # of the size of mu: where it is tried whether scales have a solution at all
@@ -193,7 +194,9 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
     unclear = UnclearError("no scales with a solution were found")
     for strict, shares in ((strict, shares) for strict in (True, False) for shares in SHARES):
         found: Best | None = None
-        for share in shares:
+        for share in shares if strict or shares[0] < MOST else ():
+            if share >= MOST and not quiet(balanced, share):
+                break
             try:
                 found = searched(balanced, share, found, strict=strict)
             except ZeroError:
@@ -205,8 +208,13 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
             if found.signal.apart <= UNSEEN and quiet(balanced, share):
                 break
         if found:
-            require_quiet(balanced, used)
-            return alone(balanced, found, used)
+            try:
+                require_quiet(balanced, used)
+                return alone(balanced, found, used)
+            except UnclearError as error:
+                unclear = error
+                if not strict:
+                    break
     raise unclear
 
 
