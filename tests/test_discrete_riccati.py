@@ -18,7 +18,7 @@ from support.rods import RODS, family, random_plant, rod, rod_spec, written
 from support.samples import text
 
 import obsdesign as od
-from obsdesign.dissipation.elimination import form_of, least_gamma, least_over_scale_of
+from obsdesign.dissipation.elimination import form_of, least_gamma, least_of, least_over_scale_of
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.design import design
 from obsdesign.families.incremental.theorems import DiscreteL2
@@ -127,9 +127,10 @@ CLOSED = [
 
 @pytest.mark.parametrize(("a", "b", "c", "d", "rho", "gamma"), CLOSED)
 def test_one_state_has_the_limit_of_its_formula(a, b, c, d, rho, gamma):
-    told = least_gamma(Engine(), error_of("l2", a, [[b, 0]], c, [[0, d]], 1 - rho))
-    assert math.sqrt(told.objective) == pytest.approx(gamma, rel=1e-8)
-    assert told.gap < 1e-8
+    problem = error_of("l2", a, [[b, 0]], c, [[0, d]], 1 - rho)
+    found, _ = least_of(form_of(problem), problem)
+    assert math.sqrt(found.mu) == pytest.approx(gamma, rel=1e-8)
+    assert found.gap < 1e-8
 
 
 def test_random_samples_have_the_limits_of_the_inequalities():
@@ -204,3 +205,20 @@ def test_the_peak_of_a_large_plant_has_central_gains_as_well():
     made = od.solve(od.load(spec))
     assert made.proved
     assert made.result["solver"]["engine"] == "riccati"
+
+
+def test_a_limit_of_one_state_with_little_noise_is_its_closed_form():
+    """With y known, e+ = w: sup|e| of e+ = rho e + .. is 1 / sqrt(1 - rho^2) times that of w."""
+    system = {"time": "discrete", "period": 0.1, "A": 0.5, "B": [[1, 0]], "C": 1, "D": [[0, 1e-7]]}
+    limit = od.solve(od.Spec(system=system, observer={"type": "linf", "rho": 0.5})).limit
+    assert limit["gamma"] == pytest.approx(1 / math.sqrt(0.75), rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e7])
+def test_a_stable_plant_is_not_called_infeasible_where_its_outputs_are_almost_exact(unit):
+    """With rho = 1 the gain 0 would do, in every unit of y."""
+    C, D = np.array([[1, 0], [0.3, 1]]) * unit, np.array([[0, 1e-8, 0], [0, 0, 1e-8]]) * unit
+    system = {"time": "discrete", "period": 0.1, "A": [[0.5, 0], [0, 0.3]], "B": [[1, 0, 0], [0.5, 0, 0]]}
+    spec = od.Spec(system=system | {"C": C, "D": D}, observer={"type": "l2", "rho": 1})
+    with pytest.raises(od.UndecidedError, match=r"give `bounds: \{L1: "):
+        od.solve(spec)

@@ -5,7 +5,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import run
@@ -13,10 +12,8 @@ from support.forging import put, with_figures, with_spec
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
-from obsdesign.expressions.exact import decimal
 from obsdesign.families.incremental.theorems import L2
 from obsdesign.files import ResultFile
-from obsdesign.files.result import shortest
 from obsdesign.reading import load
 from obsdesign.work import verify
 
@@ -404,20 +401,3 @@ def test_the_library_raises_what_the_command_prints(made, bearing):
     assert verify(path, load(str(made / "cart.yaml"))).holds
     with pytest.raises(UsageError, match="another spec"):
         verify(path, load(str(bearing)))
-
-
-@pytest.mark.parametrize(
-    ("p", "q", "text"),
-    [
-        (6582, 5, "1316.4"),
-        (1, 3, "1/3"),
-        (0, 1, "0"),
-        (-7, 1, "-7"),
-        (-1, 8, "-1/8"),
-        (-1234567, 10**9, "-0.001234567"),
-    ],
-)
-def test_a_rational_is_written_as_a_decimal_where_that_is_shorter(p, q, text):
-    assert shortest(fmpq(p, q)) == text
-    if "/" not in text:
-        assert decimal(text) == fmpq(p, q)

@@ -110,7 +110,9 @@ def solvable(engine: Engine, family: Incremental, smallest: int = SEARCHED) -> F
     """
     disturbed, sampled = bool(family.plant.B.shape[1]), family.about.pace.sampled
     form = inequality_of(family) if disturbed and engine.eliminates else None
-    if form is None or not len(form.Qs):
+    if form is None or form.n < 2:  # of one state there are no other coordinates in which to look
+        return None
+    if not len(form.Qs):
         return form
     least_order = SEARCHED if sampled else smallest
     return None if (sampled and len(form.Qs) > 1) or form.n < least_order else form

@@ -17,6 +17,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import edge, strides
 from obsdesign.dissipation.shift import unshifted
+from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.multiplier import Multiplier
@@ -31,6 +32,7 @@ ROOM = 2e-3  # of gamma, left to the rounding of the gain
 ROUNDING = 1e-5  # of a bound on L1, likewise
 ACCURATE = 1e-3  # relative, to which an objective is believed where it excludes a goal
 WIDEST = 2  # convex bounds beyond the bound on |L1| that are tried
+MODERATE = (10.0, 1000.0)  # gains, in sizes of the plant
 WIDENINGS = 3  # attempts at a convex bound whose gain comes nearer to the bound that was asked for
 
 Solve = Callable[[Bounds, Values | None], Answer]  # least objective within bounds, from the solution of one nearby
@@ -47,14 +49,44 @@ def least(engine: Engine, family: Incremental) -> Solve:
 
 
 def within(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
-    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell.
+    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell."""
+    return judged(engine, family, unjudged(engine, family, bounds), bounds)
 
-    These are asked of small plants as well where inequalities leave it undecided.
-    """
+
+def unjudged(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
+    """Same, but that Riccati equations are not asked of small plants what inequalities leave undecided."""
     known = least_gamma(engine, family, bounds)
-    if known is not None:
-        return known
-    answer = bounded(least(engine, family), bounds)
+    return known if known is not None else believed(engine, family, bounded(least(engine, family), bounds), bounds)
+
+
+def believed(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds) -> Answer:
+    """Answer that is undecided where a solver finds no gain of any size, in samples, but then one of a moderate size.
+
+    That is where outputs are all but free of noise: the gains near the limit and P are of very different sizes.
+    """
+    sized_or_given = bounds.L1 is not None or family.L1 is not None
+    if answer.status is not Status.INFEASIBLE or not family.about.pace.sampled or sized_or_given:
+        return answer
+    largest = sizes(family)[0]
+    within = (engine.minimise(family.least_gamma(sized(bounds, step * largest))) for step in MODERATE)
+    found = any(one.status is Status.OPTIMAL for one in within)
+    return replace(answer, status=Status.UNDECIDED) if found else answer
+
+
+def sizes(family: Incremental) -> tuple[float, float]:
+    """Sizes of |L1| and gamma by the data of the plant, to the nearest power of 1000: 1 in the usual units."""
+    unit = units(family.least_gamma())
+    largest = np.linalg.norm(unit["Y"] / np.diag(unit["P"])[:, None])
+    return nearest_thousand(float(largest)), nearest_thousand(math.sqrt(unit["mu"].item()))
+
+
+def nearest_thousand(size: float) -> float:
+    """Nearest power of 1000."""
+    return 1000.0 ** round(math.log(size, 1000)) if size > 0 else 1.0
+
+
+def judged(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds = NO_BOUNDS) -> Answer:
+    """Answer of `unjudged`, or of Riccati equations in its place where it is undecided and these tell."""
     undecided = answer.status is Status.UNDECIDED and family.plant.n < SEARCHED
     return (undecided and least_gamma(engine, family, bounds, smallest=0)) or answer
 

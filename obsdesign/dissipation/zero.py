@@ -11,11 +11,10 @@ from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_down, round_up, significant
 from obsdesign.dissipation.elimination import gain_above
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import DIGITS, gain, limit_of, norm, size_of, sized
+from obsdesign.dissipation.gain import DIGITS, gain, limit_of, norm, size_of, sized, sizes
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.shift import shifted_plant
 from obsdesign.errors import Problem, UsageError
-from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import Array, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 
@@ -29,24 +28,13 @@ TABLE = (
 )  # gains of the table that a limit of zero is answered with, in sizes of the plant
 SUSPECT = 1e-3  # a gamma below this, likewise, may be a limit of zero: the table decides
 ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
+EXACT = 1e-11  # relative, of what is zero but for the rounding of doubles
 SHARE = 1e-3  # .. and that is certified in its place
 UNRESOLVED = 0.1  # share of what gamma can fall to, below which it is rounding
 HALF = -0.4 * math.log(10)  # of log gamma in a decade of gain: |L1| is of the order of 1 / gamma^2 at most
 NEAR = 1e-6  # relative, above a limit, where the size of a gain tells whether one attains it
 FINITE = 100.0  # .. in sizes of the plant
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
-
-
-def sizes(family: Incremental) -> tuple[float, float]:
-    """Sizes of |L1| and gamma by the data of the plant, to the nearest power of 1000: 1 in the usual units."""
-    unit = units(family.least_gamma())
-    gain = np.linalg.norm(unit["Y"] / np.diag(unit["P"])[:, None])
-    return nearest_thousand(float(gain)), nearest_thousand(math.sqrt(unit["mu"].item()))
-
-
-def nearest_thousand(size: float) -> float:
-    """Nearest power of 1000."""
-    return 1000.0 ** round(math.log(size, 1000)) if size > 0 else 1.0
 
 
 def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[float, float], ...]:
@@ -159,13 +147,13 @@ def unheard(family: Incremental) -> bool:
     """
     p = shifted_plant(in_floats(family.plant), in_floats(family.multiplier.member))  # f = K q is one of the class
     _, sizes, right = np.linalg.svd(p.D)
-    if not len(p.D) or len(sizes) < len(p.D) or sizes[-1] <= ROUNDED * sizes[0]:
+    if not len(p.D) or len(sizes) < len(p.D) or sizes[-1] <= EXACT * sizes[0]:
         return False
     reached = p.B @ right[len(p.D) :].T
     A, seen = p.A - p.B @ np.linalg.pinv(p.D) @ p.C, family.H
     size = np.abs(seen) @ np.abs(p.B).max(axis=1, initial=0.0)
     for _ in range(len(A)):
-        if (np.abs(seen @ reached).max(axis=1, initial=0.0) > ROUNDED * size).any():
+        if (np.abs(seen @ reached).max(axis=1, initial=0.0) > EXACT * size).any():
             return True
         size = np.abs(seen) @ np.abs(A) @ np.abs(p.B).max(axis=1, initial=0.0)
         seen = seen @ A
@@ -180,7 +168,7 @@ def kept_out(family: Incremental) -> Incremental | None:
     p, through = family.plant, family.plant.Dq if family.L2 is None else family.plant.Dq + family.L2 @ family.plant.D
     L, N = annihilators(family)
     rest, size = p.B + L @ p.D, np.abs(p.B).max(axis=1, initial=0.0, keepdims=True)
-    if not p.B.any() or (np.abs(rest) > ROUNDED * size).any() or through.any():
+    if not p.B.any() or (np.abs(rest) > EXACT * size).any() or through.any():
         return None
     A, Bf, C, Df = p.A + L @ p.C, p.Bf + L @ p.Df, N @ p.C, N @ p.Df
     return replace(family, plant=replace(p.undisturbed, A=A, Bf=Bf, C=C, Df=Df))

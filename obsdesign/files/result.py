@@ -25,8 +25,6 @@ LONGEST = 100_000  # characters of one number
 LEGIBLE = 60  # .. in a message
 DEEPEST = 50  # objects and lists within each other
 LARGEST_POWER = 400  # of ten
-MOST_DECIMALS = 40  # that are written out
-FIVES = {5**k: k for k in range(MOST_DECIMALS + 1)}
 SHORT = re.compile(r"-?[0-9]{1,50}(\.[0-9]{1,50})?", re.ASCII)  # a decimal that needs no care
 SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
@@ -260,23 +258,12 @@ class ResultFile:
 
 def rows(matrix: Array) -> list[list[str]]:
     """Exact entries."""
-    return [list(map(shortest, row)) for row in matrix]
-
-
-def shortest(value: fmpq) -> str:
-    """Rational as a decimal or as p/q, whichever is shorter: 1316.4 for 6582/5, 1/3 for itself."""
-    fraction, q = str(value), int(value.q)
-    twos = (q & -q).bit_length() - 1
-    places = max(twos, FIVES.get(q >> twos, MOST_DECIMALS + 1))
-    if not 0 < places <= MOST_DECIMALS:
-        return fraction
-    digits = str(abs(int(value.p)) * (10**places // q)).rjust(places + 1, "0")
-    return min(f"{'-' * (value < 0)}{digits[:-places]}.{digits[-places:]}", fraction, key=len)
+    return [list(map(str, row)) for row in matrix]
 
 
 def written(value: Array) -> str | list[list[str]]:
     """Exact value of an unknown: a number, or rows."""
-    return shortest(value.item()) if value.shape == (1, 1) else rows(value)
+    return str(value.item()) if value.shape == (1, 1) else rows(value)
 
 
 def checks(found: Iterable[Check]) -> list[dict[str, Any]]:

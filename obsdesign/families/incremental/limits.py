@@ -10,7 +10,7 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import norm, sized, within
+from obsdesign.dissipation.gain import judged, norm, sized, unjudged, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
 from obsdesign.dissipation.zero import NEAR, Level, Noise, loudness, reached, settled, unbounded, vanishing
@@ -43,11 +43,12 @@ class Limits:
 
     def at(self, search: Incremental, rate: fmpq) -> tuple[dict[str, Any], Level | None]:
         """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
-        answer = within(self.engine, search)
+        answer = unjudged(self.engine, search)
         if answer.status is Status.INFEASIBLE:
             return {}, None
         free = self.request.objective in {"feasibility", "max-alpha"}
         table = (zero := vanishing(self.engine, search, answer)).table
+        answer = answer if table or zero.instead else judged(self.engine, search, answer)
         if answer.status is Status.OPTIMAL or table or zero.instead:
             level = Level.of_all(answer, zero)
             gap = {} if answer.gap is None else {"gap": round_up(answer.gap, 2)}

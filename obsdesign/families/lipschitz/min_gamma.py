@@ -8,7 +8,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest, within
+from obsdesign.dissipation.gain import Solve, bounded, excluded, judged, least, rounded_gains, smallest, unjudged
 from obsdesign.dissipation.zero import Level, Vanishing, loudness, reached, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
@@ -74,9 +74,9 @@ def limit_of(study: Study, family: Lipschitz) -> tuple[Level, dict[str, float]]:
     Raises `UsageError`: it falls to zero as the gain grows, and nothing bounds the gain. Raises `UndecidedError`: it
     was not found.
     """
-    answer = within(study.engine, family)
-    zero = vanishing(study.engine, family, answer)
-    rows = zero.table
+    answer = unjudged(study.engine, family)
+    rows = (zero := vanishing(study.engine, family, answer)).table
+    answer = answer if rows or zero.instead else judged(study.engine, family, answer)
     if rows and not study.restricted:
         said = "the least gamma is 0, with a gain that grows without bound; choose `bounds: {L: ..}` from this table"
         loud = loudness(study.engine, family, rows, study.noise)
