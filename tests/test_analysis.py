@@ -11,9 +11,12 @@ from scipy.linalg import expm
 from support.commands import run
 
 import obsdesign as od
-from obsdesign.dissipation import analysis, modes
+from obsdesign.dissipation import areas, modes
 from obsdesign.dissipation.decimals import round_down
+from obsdesign.families.guarantee import outputs
 from obsdesign.files import to_json
+from obsdesign.lmi.formula import rational
+from obsdesign.lmi.spectrum import extremes, near_largest_ratio
 from obsdesign.tables.text import at_least, at_most
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -353,4 +356,25 @@ def test_a_peak_of_many_modes_is_the_same_with_fewer_instants(monkeypatch):
     monkeypatch.setattr(modes, "MOST_INSTANTS", np.inf)
     many, finer = modes.EXPONENTIALS.impulse(*system)
     assert len(widths) < 0.6 * len(finer)
-    assert analysis.largest_area(few, widths) == pytest.approx(analysis.largest_area(many, finer), rel=1e-6)
+    assert areas.largest_area(few, widths) == pytest.approx(areas.largest_area(many, finer), rel=1e-6)
+
+
+def test_a_large_system_has_the_gains_that_a_small_one_would_be_computed_to_have(monkeypatch):
+    W, rng = np.diag(np.arange(1, 13) ** 1.5), np.random.default_rng(0)
+    A = np.block([[np.zeros((12, 12)), W], [-W, -0.05 * (W + np.eye(12))]])
+    systems = [(A - k * np.eye(24), rng.normal(size=(24, 2))) for k in (0, 0.5)]
+    H, of = rng.normal(size=(3, 24)), modes.EXPONENTIALS
+    exact = max(areas.largest_area(*of.impulse(*system, H)) for system in systems)
+    assert areas.worst_area(of.impulse, systems, H) == pytest.approx(exact, rel=1e-3)
+    large = [[*of.amplitudes(*system), of.gain(*system, H)] for system in systems]
+    monkeypatch.setattr(modes, "LARGE", 25)
+    small = [[*of.amplitudes(*system), of.gain(*system, H)] for system in systems]
+    assert np.array(large) == pytest.approx(np.array(small), rel=1e-5)
+
+
+def test_the_largest_ratio_of_two_forms_is_proved_and_near():
+    rng = np.random.default_rng(0)
+    M, units = rng.normal(size=(24, 24)), 10.0 ** rng.integers(-3, 4, 24)
+    P, H = rational((M @ M.T + 1e-6 * np.eye(24)) * np.outer(units, units)), rational(rng.normal(size=(3, 24)))
+    exact, near = extremes(outputs(P, H))[1], near_largest_ratio(P, H)
+    assert exact < near < exact * (1 + 1e-6)

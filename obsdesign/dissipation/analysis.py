@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.dissipation.modes import EXPONENTIALS, INSIDE, ROUNDING, Modes
+from obsdesign.dissipation.areas import largest_area, worst_area
+from obsdesign.dissipation.modes import EXPONENTIALS, INSIDE, LARGE, ROUNDING, Modes
 from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.plant import Plant
@@ -28,10 +29,8 @@ from obsdesign.records import dataclass
 MOST = 81  # members
 ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of the opposite ones
 STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where there is no upper bound
-STEPS = 60
+STEPS, FEWER_STEPS = 60, 15  # .. of small systems and of large ones
 FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
-DIRECTIONS = 100  # of z in which its peak is sought
-AT_ONCE = 512  # of the samples, so that what is computed of them stays near the processor
 STARTS = 8  # members from which extreme ones are sought, in as many steps as
 ASCENTS = 8
 
@@ -166,7 +165,7 @@ class Errors:
         """The slowest pole [re, im] in 1/s, or of samples; None where slopes are not bounded."""
         return self.modes.slowest(self.poles.ravel()) if self.bounded else None
 
-    @property
+    @cached_property
     def explicit_step(self) -> dict[str, float | None]:
         """Largest step in s with which Euler and Runge-Kutta 4 are stable; samples leave no step to choose."""
         return explicit_steps(self.poles) if self.bounded else {"euler": None, "rk4": None}
@@ -189,21 +188,23 @@ class Errors:
             return None
         generator = np.block([[p.A + self.L1 @ p.C, np.eye(n)], [np.zeros((n, 2 * n))]])
 
+        steps, halvings = (STEPS, 20) if n < LARGE else (FEWER_STEPS, 12)
+
         def unstable(h: float) -> bool:
             E = expm(h * generator)
-            return bool(np.abs(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ np.array(forced))).max() > 1 + INSIDE)
+            return any(np.abs(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ F)).max() > 1 + INSIDE for F in forced)
 
         start = unit / 10
         while unstable(start):
             start /= 10
         low = start
-        for high in (start * np.geomspace(1, unit / start * FARTHEST, STEPS)).tolist():
+        for high in (start * np.geomspace(1, unit / start * FARTHEST, steps)).tolist():
             if unstable(high):
                 break
             low = high
         else:
             return None
-        for _ in range(20):
+        for _ in range(halvings):
             middle = (low + high) / 2
             low, high = (low, middle) if unstable(middle) else (middle, high)
         return low
@@ -252,12 +253,15 @@ class Errors:
         Of the vectors z it is the largest over directions u of that of |u' h|: the inputs with |v| <= 1 that are
         aligned with it attain it, and it is no more than the gain from sup|v| to sup|z|.
         """
+        stable = [
+            (A, B)
+            for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
+            if self.modes.decay(poles, ROUNDING).all()
+        ]
         with np.errstate(all="ignore"):
-            found = [
-                largest_area(*self.impulse(A, B))
-                for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
-                if self.modes.decay(poles, ROUNDING).all()
-            ]
+            if self.plant.n >= LARGE and not self.modes.sampled:
+                return worst_area(EXPONENTIALS.impulse, stable, self.H)
+            found = [largest_area(*self.impulse(A, B)) for A, B in stable]
         return max((peak for peak in found if np.isfinite(peak)), default=None)
 
     def impulse(self, A: Array, B: Array) -> tuple[Array, Array]:
@@ -321,24 +325,9 @@ def explicit_steps(poles: Array) -> dict[str, float | None]:
     if not found.size:
         return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
     euler = -2 * found.real / np.abs(found) ** 2
+    found = found[np.abs(found) >= np.abs(found).max() / 2]  # all s h of the left half plane within 2 are stable
     towards, which = np.unique(found.real / np.abs(found) + 1j * np.abs(found.imag / found), return_inverse=True)
     z = np.linspace(0, 4, 4001) * towards[:, None]
     outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
     rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1][which] / np.abs(found)
     return {"euler": float(euler.min()), "rk4": float(rk4.min())}
-
-
-def largest_area(h: Array, widths: Array) -> float:
-    """Largest integral over time of |u' h| for |u| = 1, over directions u; h: (nv, nz, nt), widths: (nt,)."""
-    if not h.size:
-        return 0.0
-    moment = ((h * widths) @ h.transpose(0, 2, 1)).sum(axis=0)
-    if not np.isfinite(moment).all():
-        return np.nan
-    random = np.random.default_rng(0).normal(size=(DIRECTIONS, h.shape[1]))
-    directions = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(h.shape[1]), random])
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    directions, areas = directions if h.shape[1] > 1 else np.eye(1), np.zeros(1)
-    for part in (slice(first, first + AT_ONCE) for first in range(0, len(widths), AT_ONCE)):
-        areas = areas + np.sqrt(((directions @ h[:, :, part]) ** 2).sum(axis=0)) @ widths[part]
-    return float(areas.max())

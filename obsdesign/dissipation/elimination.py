@@ -21,7 +21,7 @@ from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
-from obsdesign.riccati.least import Least, least, least_peak
+from obsdesign.riccati.least import Least, least, least_peak, same
 from obsdesign.riccati.passive import Passive, reduced
 from obsdesign.riccati.peak import least_peak_scaled
 from obsdesign.riccati.samples import (
@@ -140,7 +140,7 @@ def least_gamma(
         return None
     if form is None:
         return None
-    made = told(lambda: least_of(form, family), lambda mu, values: elsewhere(form, family, mu, values))
+    made = told(lambda: least_of(form, family), lambda known, values: elsewhere(form, family, known, values))
     if made and passive and not passive.negative(array(made.values), made.objective * (1 + SAME)):
         return None
     if made is not None:
@@ -154,12 +154,12 @@ def array(values: Values) -> Float:
 
 
 def told(
-    find: Callable[[], tuple[Least, dict[str, Array]]], again: Callable[[float, Values], Iterable[float]]
+    find: Callable[[], tuple[Least, dict[str, Array]]], again: Callable[[Least, Values], Iterable[float]]
 ) -> Answer | None:
     """Least mu with its gap where it is the same in other coordinates; None where doubles do not tell."""
     try:
         found, values = find()
-        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in again(found.mu, values)):
+        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in again(found, values)):
             return None
     except (UnclearError, np.linalg.LinAlgError, ValueError, OverflowError):  # of numbers beyond doubles as well
         return None
@@ -177,7 +177,14 @@ def least_supply(engine: Engine, form: Form) -> Answer | None:
         P = None if not known.mu else storage(form, known.mu * (1 + NEAR))
         return known, {} if P is None else {"P": P}
 
-    made = told(found, lambda *_: (least(other).mu for other in turned(form))) if engine.eliminates else None
+    made = (
+        told(
+            found,
+            lambda known, _: (known.mu if same(other, known, SAME) else least(other).mu for other in turned(form)),
+        )
+        if engine.eliminates
+        else None
+    )
     engine.eliminated = engine.eliminated or made is not None
     return made
 
@@ -202,13 +209,17 @@ def of_one(family: Incremental, mu: float, values: Values) -> Values:
     return {name: scale / mu1 for name, scale in values.items()}
 
 
-def elsewhere(form: Form, family: Incremental, mu: float, values: Values) -> Iterator[float]:
+def elsewhere(form: Form, family: Incremental, known: Least, values: Values) -> Iterator[float]:
     """The same least mu in other coordinates: of an ill-conditioned form it comes out another."""
     if values:
-        form = form.scaled(array(of_one(family, mu, values)))
+        form = form.scaled(array(of_one(family, known.mu, values)))
     _, s = form.balanced()
+    checked = not (family.about.peak or family.about.pace.sampled)
     for other, R in zip(turned(form), turns(form.n), strict=True):
-        yield unscaled(other, family, family.H * s @ R.T if family.about.peak else None, mu).mu
+        if checked and same(other, known, SAME):
+            yield known.mu
+        else:
+            yield unscaled(other, family, family.H * s @ R.T if family.about.peak else None, known.mu).mu
 
 
 def least_over_scale_of(form: Form, family: Incremental) -> tuple[Least, Float]:

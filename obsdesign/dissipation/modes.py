@@ -5,6 +5,7 @@ s = i omega, omega in rad/s, or at z = exp(i theta), theta in rad a sample, from
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from math import ceil
 from typing import ClassVar
 
@@ -17,6 +18,7 @@ from obsdesign.lmi.formula import Array, identity
 INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
 ROUNDING = 1e-14  # of a pole, relative to the largest
 ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
+LARGE = 24  # order from which what is computed of many frequencies, or instants, is computed in another way
 MOST_INSTANTS = 30_000  # of all modes of a system together
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 FORGOTTEN = 20  # time constants after which what is left of a response in samples is told by its sum
@@ -83,15 +85,39 @@ class Modes(ABC):
         s = self.place(omega)[:, None, None]
         return np.asarray(np.linalg.solve(s * identity(len(A), A) - A, np.broadcast_to(B, (len(omega), *B.shape))))
 
+    def responses(self, A: Array, B: Array) -> Callable[[Array], Array]:
+        """The same as a function of omega; of a large A by its Schur form, which is found once."""
+        if len(A) < LARGE:
+            return lambda omega: self.response(A, B, omega)
+        from scipy.linalg import schur
+
+        T, U = schur(A, output="complex")
+        right = U.conj().T @ B
+
+        def response(omega: Array) -> Array:
+            s = self.place(omega)[:, None]
+            x = np.empty((len(A), len(omega), B.shape[1]), dtype=complex)
+            for i in range(len(A))[::-1]:
+                later = np.tensordot(T[i, i + 1 :], x[i + 1 :], 1)
+                x[i] = (right[i] + later) / (s - T[i, i])
+            return np.asarray(np.tensordot(U, x, 1).transpose(1, 0, 2))
+
+        return response
+
     def amplitudes(self, A: Array, B: Array) -> Array:
         """Largest amplitude of each entry of e over frequency, for an input that is a sinusoid with |v| = 1."""
-        return largest(lambda omega: np.linalg.norm(self.response(A, B, omega), axis=2), self.frequencies(A))
+        response = self.responses(A, B)
+        return largest(lambda omega: np.linalg.norm(response(omega), axis=2), self.frequencies(A))
 
     def gain(self, A: Array, B: Array, H: Array) -> float:
         """Largest singular value of the response of z = H e over frequency."""
+        response = self.responses(A, B)
 
         def sizes(omega: Array) -> Array:
-            return np.asarray(np.linalg.norm(H @ self.response(A, B, omega), 2, axis=(1, 2)))[:, None]
+            z = H @ response(omega)
+            if len(A) < LARGE:
+                return np.asarray(np.linalg.norm(z, 2, axis=(1, 2)))[:, None]
+            return np.sqrt(np.linalg.eigvalsh(z.conj().transpose(0, 2, 1) @ z)[:, -1:])
 
         return float(largest(sizes, self.frequencies(A)).item())
 
@@ -123,8 +149,8 @@ class Exponentials(Modes):
 
         return np.asarray(solve_continuous_lyapunov(A, -W))
 
-    def impulse(self, A: Array, B: Array, H: Array) -> tuple[Array, Array]:
-        """H exp(A t) B, from its modes, with the widths of the trapezoidal rule.
+    def impulse(self, A: Array, B: Array, H: Array, every: int = 1) -> tuple[Array, Array]:
+        """H exp(A t) B, from its modes, with the widths of the trapezoidal rule; `every`: of how many instants one is.
 
         Not a number where the modes are too close to each other to be told apart.
         """
@@ -135,8 +161,13 @@ class Exponentials(Modes):
         counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
         dense = courses(set(zip(ends.tolist(), counts.tolist(), strict=True)))
         t = distinct(np.concatenate([*dense, ends.max(initial=0.0) * np.geomspace(1e-9, 1, SAMPLES)]))
+        t = t[np.append(np.arange(0, len(t) - 1, every), len(t) - 1)]
         residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
-        return (residues @ np.exp(values[:, None] * t)).real, widths(t)
+        residues, values = residues[..., values.imag >= 0], values[values.imag >= 0]  # of a pair, twice the real part
+        residues = residues * np.where(values.imag > 0, 2, 1)
+        decaying = np.exp(values.real[:, None] * t)
+        angle = values.imag[:, None] * t
+        return residues.real @ (decaying * np.cos(angle)) - residues.imag @ (decaying * np.sin(angle)), widths(t)
 
 
 def courses(modes: set[tuple[float, int]]) -> list[Array]:

@@ -8,7 +8,7 @@ import numpy as np
 from flint import arb, fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array, printed
-from obsdesign.lmi.spectrum import extremes, upper
+from obsdesign.lmi.spectrum import LARGE, extremes, near_largest_ratio, upper
 from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least, at_most
 
@@ -215,7 +215,9 @@ def largest_output(rates: Rates | Steps, P: Array, H: Array) -> float | None:
     """Bound on |H e| that follows from e' P e <= V <= c / (2 alpha), P and H in rationals; None where there is none."""
     if not rates.dampened or not np.isfinite(rates.c):
         return None
-    return upper((arb(printed(rates.c) / rates.dampened) * extremes(outputs(P, H))[1]).sqrt())
+    ratio = near_largest_ratio(P, H) if len(P) >= LARGE else None
+    size = extremes(outputs(P, H))[1] if ratio is None else arb(ratio)
+    return upper((arb(printed(rates.c) / rates.dampened) * size).sqrt())
 
 
 def outputs(P: Array, H: Array) -> Array:

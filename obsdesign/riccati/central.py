@@ -16,8 +16,9 @@ from obsdesign.riccati.form import Eliminated, Form, UnclearError, without_exact
 FASTER = 0.01  # of the decay rate: room
 ON_STATES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)  # noise on every state, of the size of v in balanced units
 FOR_GIVEN = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # .. where the gain is given
-FIRST = 1e-3  # .. with which that on the outputs is chosen
+FIRST = (1e-3, 1e-4, 1e-5)  # .. with which that on the outputs is chosen: the first that has a solution
 ON_OUTPUTS = tuple(10 ** (k / 2) for k in range(-8, 9))  # of the noise of an output, or of the size of v in it
+LARGE, SPARSE = 64, 3  # order from which one of so many of these is tried
 COSTLY = 1.03  # factor of |L| that a noise on the states may cost
 DEFINITE = 1e-13  # of X with a unit diagonal
 
@@ -48,11 +49,15 @@ def central(form: Form, rate: float, mu: float, fits: Callable[[Float], bool]) -
         made = solution(noisy, mu, lambda X: fits(X * np.outer(s, s)))
         return made and Central(s[:, None] * made.L, made.P / np.outer(s, s))
 
-    found = {outputs: made for outputs in (0.0, *ON_OUTPUTS) if (made := at(FIRST, outputs))}
-    if not found:
+    tried = ON_OUTPUTS[:: SPARSE if form.n >= LARGE else 1]
+    for first in FIRST:
+        found = {outputs: made for outputs in (0.0, *tried) if (made := at(first, outputs))}
+        if found:
+            break
+    else:
         return
     best = min(found, key=lambda outputs: found[outputs].size)
-    gains = [one for states in ON_STATES if (one := at(states, best))]
+    gains = [one for states in sorted({*ON_STATES, first})[::-1] if (one := at(states, best))]
     least = min(one.size for one in gains)
     chosen = next(i for i, one in enumerate(gains) if one.size <= COSTLY * least)
     yield from gains[chosen::-1]

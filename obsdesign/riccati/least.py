@@ -17,6 +17,7 @@ from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, wi
 
 SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
 UNSEEN = 2e-8  # relative: what that noise may add to mu before less of it is tried
+FADED = 1e-5  # .. before a least mu is left at it because none is clear with less
 QUIET = 1e-2  # rate at which that noise and the noise of the outputs move the error, of the rates of the plant
 FAINT = (1e-8, 1e-10)  # .. where the noise of the outputs is small as well
 PEAK_SHARES = ((1e-4, 1e-5), (1e-7, 1e-8), (1e-10, 1e-11))
@@ -41,6 +42,7 @@ class Least:
     mu: float
     lower: float  # .. with a small noise on every state
     added: float  # share of mu that is due to it, to first order
+    share: float = 0.0  # that noise, of the size of v; 0: none, or not told
 
     @property
     def gap(self) -> float:
@@ -151,6 +153,8 @@ def least(form: Form) -> Least:
             raise
         except UnclearError as error:
             unclear = error
+            if found and found.added <= FADED and quiet(balanced, used):
+                break
             continue
         if found is None or closer.agrees(found):
             found, used = closer, share
@@ -160,6 +164,27 @@ def least(form: Form) -> Least:
         raise unclear
     require_quiet(balanced, used)
     return found
+
+
+def same(form: Form, known: Least, near: float) -> bool:
+    """Whether a form has the least mu that is known of it in other coordinates, to a relative `near`.
+
+    With the same noise on the states there is a solution so far above and none so far below, where a signal says that
+    there is none and none much above either.
+    """
+    reduced, _ = without_exact_outputs(form)
+    if not known.share or not reduced.n:
+        return False
+    search = Search(Eliminated.of(reached(reduced.balanced()[0], known.share)), reduced.n)
+    for factor in (FAR, ABOVE):
+        point = search.at(factor * known.mu)
+        if not point.solved:
+            return False
+        search.refer(point)
+    outside = search.at(known.mu * (1 - near))
+    if outside.solved or not search.at(known.mu * (1 + near)).solved:
+        return False
+    return bool(abs(search.signal(outside).bound / known.mu - 1) < BELIEVED)
 
 
 def least_peak(form: Form, H: Float) -> Least:
@@ -197,7 +222,7 @@ def of_noisy(form: Form, share: float, noisier: Least | None = None) -> Least:
     search = Search(Eliminated.of(reached(form, share)), form.n)
     inside, outside = bracket(search) if noisier is None else close(search, noisier)
     inside, best = narrowed(search, inside, outside)
-    found = Least(inside.mu, best.bound, best.apart)
+    found = Least(inside.mu, best.bound, best.apart, share)
     if found.added > MOST:
         raise ZeroError("the least gamma is zero, or too small to be told from it")
     if not 1 - BELIEVED < found.lower / found.mu < 1 + BELIEVED or found.added > BELIEVED:

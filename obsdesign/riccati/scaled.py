@@ -28,15 +28,19 @@ from obsdesign.riccati.least import (
     require_quiet,
 )
 
-SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,))  # of the size of v: noise on every state; downwards, or else more of it
+SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,), (3e-3,))  # of the size of v: noise on every state; downwards, or else more
+MOST = 3e-3  # the largest of these, tried only where it is quiet and every least mu has its bound
 UNSEEN = 1e-5  # relative: what that noise may add to mu before less of it is tried
 GRID = tuple(float(factor) for factor in np.exp(3.0 * np.arange(-8, 9)))  # factors of a common scale, to begin with
 HIGH = (1e3, 1e6)  # of the size of mu: where it is tried whether scales have a solution at all
 HIGHER = (1e9, 1e12)  # .. where the gain is given
 LEVELS = (0.3, 0.6, 0.9, 0.99)  # shares of the way from the lower bound to the best, where the box allows one
 BOX = 30.0  # factor by which a scale changes at most in one step
+LARGE = 24  # order from which equations are so few as can be
 WIDE = 1e8  # .. and from the best to the lower bound
 ENOUGH = 1e-5  # relative gap of mu at which the search ends
+NEARBY = 1 + 1e-4  # factor below what the cuts allow at which there is no solution, unless they are wrong
+LOOSE = 1e-4  # of mu: its bound is nearer but for rounding
 SAME = 1e-9  # .. to which scales are no others
 STEPS = 80
 STALLED, SLOW = 10, 0.9  # steps after which the gap must be so much smaller
@@ -72,8 +76,8 @@ class Best:
 class Scales:
     """Cuts, and the best scales, of one form whose states are balanced and have noise."""
 
-    def __init__(self, form: Form, states: int) -> None:
-        self.form, self.states = form, states
+    def __init__(self, form: Form, states: int, *, strict: bool = False) -> None:
+        self.form, self.states, self.strict = form, states, strict  # strict: a least mu without its bound ends it
         self.cuts: list[Cut] = []
         self.best: Best | None = None
 
@@ -102,13 +106,16 @@ class Scales:
             self.cut(search.signal(far if not far.solved else inside), scales)
             return False
         inside = search.refer(inside)
-        outside = search.at(min(max(self.allowed(scales) * (1 - ENOUGH / 10), cap * 1e-12), cap * 0.5))
+        below = min(max(self.allowed(scales) * (1 - ENOUGH / 10), cap * 1e-12), cap / (1 + ENOUGH))
+        outside, further = search.at(below), NEARBY
         while outside.solved:
             inside = search.refer(outside)
-            outside = search.at(inside.mu / FAR)
+            outside, further = search.at(inside.mu / further), FAR
             if outside.mu < cap * 1e-20:
                 raise ZeroError("the least gamma is zero, or too small to be told from it")
         inside, signal = narrowed(search, inside, outside, ENOUGH / 30)
+        if self.strict and not inside.mu < signal.bound * (1 + LOOSE):
+            raise UnclearError("the least gamma is not clear in double precision")
         self.cut(signal, scales)
         if self.best is None or inside.mu < self.best.mu:
             self.best = Best(scales, inside.mu, signal)
@@ -184,11 +191,14 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
     if not reduced.n or not form.Qc.any():
         raise UnclearError("the least gamma is zero, or attained at no scales")
     balanced, _ = reduced.balanced()
-    found: Best | None = None
-    for shares in SHARES:
-        for share in shares:
+    unclear = UnclearError("no scales with a solution were found")
+    for strict, shares in ((strict, shares) for strict in (True, False) for shares in SHARES):
+        found: Best | None = None
+        for share in shares if strict or shares[0] < MOST else ():
+            if share >= MOST and not quiet(balanced, share):
+                break
             try:
-                found = searched(balanced, share, found)
+                found = searched(balanced, share, found, strict=strict)
             except ZeroError:
                 raise
             except UnclearError as error:
@@ -198,29 +208,38 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
             if found.signal.apart <= UNSEEN and quiet(balanced, share):
                 break
         if found:
-            require_quiet(balanced, used)
-            return alone(balanced, found)
+            try:
+                require_quiet(balanced, used)
+                return alone(balanced, found, used)
+            except UnclearError as error:
+                unclear = error
+                if not strict:
+                    break
     raise unclear
 
 
-def alone(form: Form, best: Best) -> tuple[Least, Float]:
-    """Least mu at the best scales without most of the noise of the search, and the lower bound without all of it."""
-    mu = best.mu
+def alone(form: Form, best: Best, share: float) -> tuple[Least, Float]:
+    """Least mu at the best scales without most of the noise of the search, and the lower bound without all of it.
+
+    `share`: that noise. Of a large form it is left as it is where it adds less than `UNSEEN`.
+    """
+    mu, noise = best.mu, share
+    enough = form.n >= LARGE and best.signal.apart <= UNSEEN
     try:
-        closer = least(form.scaled(best.scales))
+        closer = None if enough else least(form.scaled(best.scales))
     except UnclearError:
         closer = None
     if closer and best.lower * (1 - 2 * best.signal.apart) <= closer.mu <= mu:
-        mu = closer.mu
-    found = Least(mu, best.lower * (1 - best.signal.apart), 0.0)
+        mu, noise = closer.mu, closer.share
+    found = Least(mu, best.lower * (1 - best.signal.apart), 0.0, noise)
     if not found.lower > 0 or found.gap > BELIEVED:
         raise UnclearError("the search over the scales of the multipliers ended with a gap")
     return found, best.scales
 
 
-def searched(form: Form, share: float, known: Best | None) -> Best:
+def searched(form: Form, share: float, known: Best | None, *, strict: bool) -> Best:
     """Search with a small noise on every state, from scales that are known. Raises `UnclearError`."""
-    search = Scales(reached(form, share), form.n)
+    search = Scales(reached(form, share), form.n, strict=strict)
     if known is None or not search.look(known.scales, known.mu * ABOVE):
         begin(search, form)
     return closed(search)

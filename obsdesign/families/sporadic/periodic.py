@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.dissipation.analysis import Errors, largest_area
+from obsdesign.dissipation.analysis import Errors
+from obsdesign.dissipation.areas import largest_area
 from obsdesign.dissipation.modes import INSIDE, POWERS, powers, widths
 from obsdesign.lmi.formula import Array
 

@@ -10,7 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from obsdesign.dissipation.analysis import Errors, largest_area
+from obsdesign.dissipation.analysis import Errors
+from obsdesign.dissipation.areas import largest_area
 from obsdesign.dissipation.frequencies import largest
 from obsdesign.dissipation.modes import modes
 from obsdesign.families.unknown_input import transform

@@ -1,0 +1,63 @@
+"""Peaks of z for peaks of v: the integral over time of the norm of an impulse response, in the worst direction of z."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+
+DIRECTIONS = 100  # of z in which its peak is sought
+AT_ONCE = 512  # of the samples, so that what is computed of them stays near the processor
+FEWER = 2  # states for each of which one more of the instants is passed over, to find the worst member and
+FEW = 4  # the worst directions, in which all are
+
+
+def largest_area(h: Array, widths: Array) -> float:
+    """Largest integral over time of |u' h| for |u| = 1, over directions u; h: (nv, nz, nt), widths: (nt,)."""
+    tried = directions(h, widths)
+    return 0.0 if not h.size else np.nan if tried is None else float(areas(h, widths, tried).max())
+
+
+def directions(h: Array, widths: Array) -> Array | None:
+    """Unit vectors u in which z may be the largest, (k, nz); None where z is not finite."""
+    nz = h.shape[1]
+    moment = ((h * widths) @ h.transpose(0, 2, 1)).sum(axis=0)
+    if not np.isfinite(moment).all():
+        return None
+    if nz <= 1:
+        return np.eye(nz)
+    random = np.random.default_rng(0).normal(size=(DIRECTIONS, nz))
+    found = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(nz), random])
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def areas(h: Array, widths: Array, tried: Array) -> Array:
+    """Integral over time of |u' h| for each u, (k,)."""
+    found = np.zeros(len(tried))
+    for part in (slice(first, first + AT_ONCE) for first in range(0, len(widths), AT_ONCE)):
+        found = found + np.sqrt(((tried @ h[:, :, part]) ** 2).sum(axis=0)) @ widths[part]
+    return found
+
+
+def worst_area(
+    impulse: Callable[[Array, Array, Array, int], tuple[Array, Array]], systems: Sequence[tuple[Array, Array]], H: Array
+) -> float | None:
+    """Largest area of some systems (A, B) with z = H e, no more than that of the worst; None where none is finite.
+
+    A few instants tell which one it is of, and in which directions. `impulse`: response of a system, in the last
+    argument of how many instants one is looked at.
+    """
+    worst, found = -1.0, None
+    for A, B in systems:
+        h, widths = impulse(A, B, H, len(A) // FEWER)
+        tried = directions(h, widths) if h.size else None
+        if tried is None:
+            continue
+        sizes = areas(h, widths, tried)
+        if sizes.max() > worst:
+            worst, found = float(sizes.max()), (A, B, tried[np.argsort(sizes)[-FEW:]])
+    if found is None:
+        return 0.0 if systems and not (systems[0][1].size and len(H)) else None
+    A, B, tried = found
+    h, widths = impulse(A, B, tried @ H, 1)
+    return float(np.sqrt((h**2).sum(axis=0)).dot(widths).max())
