@@ -110,3 +110,30 @@ def test_a_plant_without_a_disturbance_has_gains_within_bounds(kind):
     design = od.solve(od.Spec(system=system, nonlinearities=[block], observer=section))
     assert design.status == "certified"
     assert design.verify().holds
+
+
+ALMOST_EXACT = [
+    {
+        "A": [[0.579735, 2.58081e-06], [-0.18709, 0.312703]],
+        "B": [[1.58436, 0, 0, 0], [-1.72463, 0, 0, 0]],
+        "C": [[-1.93696, 0], [-0.394306, 0], [-0.44694, 0]],
+        "D": [[0, 8.3e-4, 2.9e-4, 1e-4], [0, 1.2e-3, -1e-3, -1.2e-3], [0, 7.4e-4, -1.4e-3, -4.8e-4]],
+    },
+    {
+        "A": [[-0.15, 0, -3.2], [3.3e5, -0.6, -2.8e6], [0.064, 0, -0.57]],
+        "B": [[-0.003, 0.003, 0, 0], [-523, 791, 0, 0], [0, 6e-4, 0, 0]],
+        "C": [[-472, 0, 956], [159, -6e-4, -1879]],
+        "D": [[0, 0, 3.5e-7, 2.9e-8], [0, 0, 4e-8, 1.8e-7]],
+    },
+]
+
+
+@pytest.mark.parametrize("system", ALMOST_EXACT)
+@pytest.mark.parametrize("kind", ["l2", "linf"])
+def test_a_linear_plant_without_a_slow_hidden_mode_is_never_called_infeasible(system, kind):
+    """Units of states far apart, or a mode that is seen by a part in a million, and little noise."""
+    spec = od.Spec(system=system, observer={"type": kind, "alpha": 0.2})
+    try:
+        assert od.solve(spec).status != "infeasible"
+    except od.UndecidedError:
+        pass  # as far as doubles tell

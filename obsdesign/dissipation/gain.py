@@ -21,6 +21,7 @@ from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.structure import undetectable
 
 DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
 KAPPAS = 12  # bounds that are tried for the smallest gain
@@ -60,16 +61,19 @@ def unjudged(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) ->
 
 
 def believed(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds) -> Answer:
-    """Answer that is undecided where a solver finds no gain of any size, in samples, but then one of a moderate size.
+    """Answer that is undecided where a solver finds no gain of any size although there is one.
 
-    That is where outputs are all but free of noise: the gains near the limit and P are of very different sizes.
+    Without f there is one wherever no hidden mode is too slow. With f, one of a moderate size is searched: where
+    outputs are all but free of noise, the gains near the limit are of another size than P, and a solver calls that
+    infeasible.
     """
-    sized_or_given = bounds.L1 is not None or family.L1 is not None
-    if answer.status is not Status.INFEASIBLE or not family.about.pace.sampled or sized_or_given:
+    if answer.status is not Status.INFEASIBLE or family.L1 is not None or bounds.L1 is not None or bounds.poles:
         return answer
-    largest = sizes(family)[0]
+    if undetectable(family.plant, in_floats(family.multiplier.member), family.edge):
+        return answer
+    largest, linear = sizes(family)[0], not family.plant.Bf.any()
     within = (engine.minimise(family.least_gamma(sized(bounds, step * largest))) for step in MODERATE)
-    found = any(one.status is Status.OPTIMAL for one in within)
+    found = linear or any(one.status is Status.OPTIMAL for one in within)
     return replace(answer, status=Status.UNDECIDED) if found else answer
 
 
