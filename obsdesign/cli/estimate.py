@@ -48,7 +48,6 @@ def estimate(
     kinds = {paths[0]: "estimates", **({paths[1]: "figures"} if paths[1] else {})}
     kept = require_writable(kinds, read=[source, data])
     with limited(timeout), interruptible(lambda: "no estimates and no figure are written"):
-        from obsdesign.data.escape import standing_out
         from obsdesign.data.estimation import Estimation
         from obsdesign.data.log import Log
         from obsdesign.work import trial
@@ -61,7 +60,7 @@ def estimate(
         if paths[1]:
             found.plot(paths[1])
     for one in found.report.get("outlying", ()):
-        say(f"{data}: {standing_out(one)}", err=True)
+        say(f"{data}: {one['note']}", err=True)
     if paths[0] == "-":
         return
     if as_json:

@@ -1,6 +1,5 @@
 """Values of a log that stand out: why an observer escapes, or what carries it off for a while."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +39,9 @@ class Outlying:
                 continue
             (_, others), (line, value) = top.items()
             if abs(value) > OUTLYING * abs(others):
-                told.append({"output": name, "line": line, "value": value, "others": abs(others)})
+                said = f"line {line} has {name} = {value:.4g}, and the others at most {abs(others):.4g}"
+                note = f"{said}: leave it empty there if it is no measurement"
+                told.append({"output": name, "line": line, "value": value, "others": abs(others), "note": note})
         return told
 
     def cause(self, rows: Rows, count: int) -> str:
@@ -49,14 +50,8 @@ class Outlying:
         `count`: how far the observer got in these rows.
         """
         found = self.with_rows(rows.cut(0, count + 1)).found
-        return f"; {standing_out(found[0])}" if found else ""
+        return f"; {found[0]['note']}" if found else ""
 
     def report(self) -> dict[str, Any]:
         """Entry of a report, if a value stands out."""
         return {"outlying": found} if (found := self.found) else {}
-
-
-def standing_out(one: Mapping[str, Any]) -> str:
-    """A value that stands out, in words."""
-    said = f"line {one['line']} has {one['output']} = {one['value']:.4g}, and the others at most {one['others']:.4g}"
-    return f"{said}: leave it empty there if it is no measurement"

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from obsdesign.data.escape import standing_out
 from obsdesign.tables.text import aligned, plain
 
 ZERO = "zero to rounding"  # of innovations
@@ -41,7 +40,7 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         white = "" if told["white"] is None else f", {whiteness(told['white'])}"
         white = f", {ZERO}" if "zero_to_rounding" in told else white
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
-    rows += [("outlying", standing_out(one)) for one in report.get("outlying", ())]
+    rows += [("outlying", one["note"]) for one in report.get("outlying", ())]
     radius = report["radius"]
     rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
     if count := report.get("contradicted"):
