@@ -290,12 +290,24 @@ def test_a_plant_that_may_be_outside_the_region_is_not_covered():
     assert np.isfinite(near["radius_x"]).all()
 
 
+def stepped(design):
+    """A design that is run in steps of its own."""
+    spec = loads(f"{design.spec.text}\nimplementation: {{period: 1.0e-2, method: rk4}}\n")
+    return replace(design, spec=spec)
+
+
 def test_a_measurement_that_is_overdue_ends_what_is_proved():
     design = solved("ferrante2019-oscillator-clock")[1]
     T1, T2 = design.guarantee.T1, design.guarantee.T2
     t = np.cumsum([0.0, *[(T1 + T2) / 2] * 5, 2 * T2, *[(T1 + T2) / 2] * 3])
     found = od.estimate(design, log("log.csv", ["t", *design.spec.plant.outputs], t, np.ones(len(t))))
     assert found["covered"].tolist() == [1.0] * 6 + [0.0] * 4
+    claims = [od.compare([one], data="log.csv").report["observers"][0]["claim"] for one in (design, stepped(design))]
+    assert ["of its steps along a log nothing is proved" in claim for claim in claims] == [False, True]
+    for rows, covered in ((t, 6), (t[[0, 1, 3, 2, 4]], 3 if t[3] - t[1] <= T2 else 2)):
+        path = log("late.csv", ["t", *design.spec.plant.outputs, "rx"], rows, np.ones(len(rows)), rows.max() + rows * 0)
+        found = od.estimate(design, path, columns={"arrival": "rx"})
+        assert found["covered"].tolist() == [1.0] * covered + [0.0] * (len(rows) - covered)
 
 
 PROPOSITION = """
@@ -331,7 +343,14 @@ def test_the_truth_is_within_the_radius_where_measurements_come_at_instants(text
     gap = log("gap.csv", ["t", "y1"], [0, 0.3, 0.75, 0.9], np.zeros(4))
     assert np.isnan(od.estimate(design, gap)["radius_x2"]).tolist() == [False, False, True, True]
     assert radius(design, replace(where, eta_sup=None), ("x1",)) == "data: {eta_sup} is not given"
-    assert "measurements come late" in radius(design, replace(where, arrival="rx"), ("x1",))
+    behind = [*range(20), *range(21, 40), 20, *range(40, len(t))]  # one row comes after 19 others
+    late = log("late.csv", ["t", "y1", "rx"], t[behind], y[behind], np.maximum.accumulate(t[behind]))
+    told = od.estimate(design, late, columns={"arrival": "rx"})
+    assert np.isfinite(told["radius_x2"]).tolist() == (told["covered"] == 1).tolist()
+    ends = int(np.argmin(told["covered"]))
+    assert told["radius_x2"][:20].tolist() == pytest.approx(found["radius_x2"][:20].tolist())
+    assert 20 <= ends <= 39
+    assert "up to the first row that came after" in told.report["radius"]["premise"]
 
 
 def test_a_claim_for_a_range_of_inputs_has_no_radius():
@@ -400,6 +419,7 @@ def test_innovations_that_the_premise_does_not_allow_are_counted(scalar):
         y[40, 0] = made.y[40, 0] - found["innov_y"][40] + factor * bound[40]
         told = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, made.u, y)).report
         assert ("contradicted" in told) == ("contradicts these" in estimates_table(told, "", "")) == (factor > 1)
+    assert told["first_contradicted"] == {"line": 42, "t": pytest.approx(4.0)}
 
 
 def test_a_known_input_that_is_missing_ends_what_is_proved(scalar):
@@ -408,6 +428,9 @@ def test_a_known_input_that_is_missing_ends_what_is_proved(scalar):
     u[10] = np.nan
     found = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, u, made.y))
     assert found["covered"].tolist() == [1.0] * 10 + [0.0] * (len(u) - 10)
+    y = np.where(np.arange(len(u)) == 0, np.nan, made.y[:, 0])
+    found = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, made.u, y))
+    assert found.report["radius"] == {"none": "an output is missing in line 2, and from there on nothing is proved"}
 
 
 LOCAL = CONTINUOUS.replace("A: [[-1]]", "A: [[-3]]").replace(
@@ -519,7 +542,8 @@ def test_comments_before_the_heads_are_skipped(scalar):
     design, made = scalar
     expected = od.estimate(design, of_run(made)).rows.tolist()
     heads, *rows = Path("log.csv").read_text().splitlines()
-    for start in ("# a bench; of May\n#\n{}", "# a bench\n# {}", "\ufeff# a bench\n{}"):
+    starts = "# a bench; of May\n#\n{}", "# a bench\n# {}", "\ufeff# a bench\n{}", "\ufeff\n \n# a\n\n{}", "\n# {}\n"
+    for start in starts:
         Path("noted.csv").write_text("\n".join([start.format(heads), *rows, ""]), encoding="utf-8")
         assert od.estimate(design, "noted.csv").rows.tolist() == expected
     Path("noted.csv").write_text("\n".join(["# a bench", "#", heads, rows[0], "0.1,x,1", ""]))
@@ -533,6 +557,9 @@ def test_a_byte_that_is_not_utf_8_is_told_with_its_line(scalar):
         od.estimate(scalar[0], "log.csv")
     Path("log.csv").write_bytes("t,force,y,\u00b0C\n0,0,1,2\n".encode("latin-1"))
     with pytest.raises(UsageError, match=r"log\.csv:1:0: the byte 0xB0"):
+        od.estimate(scalar[0], "log.csv")
+    Path("log.csv").write_text("t,force,y\n0,0,1\n", encoding="utf-16")
+    with pytest.raises(UsageError, match=r"log\.csv:1:0: is text in UTF-16; .*iconv -f utf-16"):
         od.estimate(scalar[0], "log.csv")
 
 
@@ -711,6 +738,14 @@ def test_a_plant_in_samples_uses_the_newest_row_that_is_known(scalar, monkeypatc
     assert found.report["radius"]["premise"].endswith("up to the first that is used after its time")
     assert found.report["lost"] == K - len(set(rows)) > 3
     assert found.report["stale"]["rows"] == (t[rows] < np.arange(N) / 10 - 1e-3).sum()
+    assert found.report["stale"]["longest"] == pytest.approx((np.arange(N) / 10 - t[rows]).max())
+    together = np.where((made.t > 1.95) & (made.t < 2.95), made.t[30], made.t)  # rows 20 to 29 come with row 30
+    found = od.estimate(design, log("late.csv", ["t", "force", "y", "rx"], made.t, made.u, made.y, together),
+                        columns={"arrival": "rx"})  # fmt: skip
+    assert found.report["stale"] == {"rows": 10, "longest": pytest.approx(1.0)}
+    falls = log("falls.csv", ["t", "force", "y", "rx"], t, made.u[order], made.y[order], rx[::-1] + 9)
+    with pytest.raises(UsageError, match=r"falls.csv:3:0: rx = [\d.]+ is before that of the row before"):
+        od.estimate(design, falls, columns={"arrival": "rx"})
     off = log("off.csv", ["t", "force", "y", "rx"], t + 0.002 * (t > 2), made.u[order], made.y[order], rx + 0.002)
     with pytest.raises(UsageError, match=r"off.csv:.*its time is off its sample"):
         od.estimate(design, off, columns={"arrival": "rx"})
@@ -769,7 +804,8 @@ def test_the_newest_row_holds_from_its_arrival(hold, compiled, monkeypatch):
     dropped = K - len(used)
     assert found.report["late"] == found.report["lost"] == dropped > 5
     assert np.isnan(found["innov_y"]).sum() == dropped
-    assert found.report["stale"]["longest"] == pytest.approx((arrival - t[order])[used].max())
+    latest = np.maximum.accumulate(t[order])
+    assert found.report["stale"]["longest"] == pytest.approx((arrival - latest).max())
 
 
 # innovations
@@ -901,6 +937,33 @@ def test_a_value_that_stands_out_is_told_where_the_observer_escapes(steps):
         od.estimate(design, path)
     y[12] = np.nan
     assert od.estimate(design, log("log.csv", ["t", "y"], t, y)).report["missing"] == 1
+
+
+@pytest.mark.parametrize("block", [4 * 2**20, 60])
+def test_a_value_that_stands_out_is_told_whatever_it_does(gains, scalar, monkeypatch, block):
+    monkeypatch.setattr(table, "BLOCK", block)
+    y = scalar[1].y[:, 0].copy()
+    largest = np.abs(y).max()
+    for factor, stands in ((999, False), (1001, True)):
+        y[20] = -factor * largest
+        path = log("out.csv", ["t", "force", "y"], scalar[1].t, scalar[1].u, y)
+        outcome = run("estimate", gains, path, "--json")
+        found = json.loads(outcome.stdout)
+        assert ("outlying" in found) == stands
+        assert outcome.stderr.startswith("out.csv: line 22 has y = -") == stands
+    (one,) = found["outlying"]
+    assert [one[key] for key in ("output", "line", "value", "others")] == ["y", 22, y[20], pytest.approx(largest)]
+    assert one["note"] in run("estimate", gains, path).stdout
+
+
+@pytest.mark.parametrize("block", [4 * 2**20, 60])
+def test_a_hole_in_continuous_time_is_told(monkeypatch, block):
+    monkeypatch.setattr(table, "BLOCK", block)
+    t = np.cumsum([0.0, *[0.1] * 10, 1.9, *[0.1] * 10, 6.0, 0.1])
+    found = od.estimate(trial(loads(CONTINUOUS)), log("log.csv", ["t", "y"], t, np.cos(t)))
+    hole = {"count": 1, "longest": pytest.approx(6), "line": 24, "t": pytest.approx(t[22])}
+    assert found.report["holes"] == hole
+    assert "at most 6 s, up to line 24" in estimates_table(found.report, "", "")
 
 
 def test_what_is_known_of_a_log_is_set_beside_a_result(gains):

@@ -59,6 +59,8 @@ def estimate(
                 found = kept_in(paths[0], made, lambda share: report(share, "estimates"))
         if paths[1]:
             found.plot(paths[1])
+    for one in found.report.get("outlying", ()):
+        say(f"{data}: {one['note']}", err=True)
     if paths[0] == "-":
         return
     if as_json:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from obsdesign.data.driver import ROUNDING
-from obsdesign.data.estimation import NOTHING, Estimation, Part, told
+from obsdesign.data.estimation import NOTHING, Estimation, told
 from obsdesign.data.innovations import Innovations
 from obsdesign.data.log import Log
 from obsdesign.data.rows import Rows
 from obsdesign.data.thinned import Thinned
 from obsdesign.design import Design
 from obsdesign.errors import Problem, UndecidedError, UsageError
+from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Float
 from obsdesign.simulate.comparison import WINDOW, Comparison, shared, told_apart
 from obsdesign.simulate.summary import SHARES
@@ -121,9 +122,15 @@ class LogEntrant:
         claim, spec = self.design.claim, self.design.spec
         if not (self.design.proved and claim):
             return {"statement": None, "claim": None}
-        of_steps = [] if spec.period is not None else ["of its steps along a log nothing is proved"]
+        of_steps = [] if self.followed else ["of its steps along a log nothing is proved"]
         said = "; ".join([claim.headline(spec), *spec.provisos, *of_steps])
         return {"statement": claim.statement(spec), "claim": said}
+
+    @property
+    def followed(self) -> bool:
+        """Whether a log is followed as what is proved says: in samples, or from measurement to measurement, to 1e-6."""
+        spec = self.design.spec
+        return spec.period is not None or (FAMILIES[spec.observer.type].sampled and spec.implementation is None)
 
     def column(self, head: str) -> Float | None:
         """Some rows of a column; None where there is none."""
@@ -289,7 +296,7 @@ def entrant(
             errors.add(part.t, part.estimates[:, at] - part.truth[:, known])
             inside = (part.t >= window[0]) & (part.t <= window[1])
             innovations.add(part.innovations[inside])
-            kept.add(shown(part, known))
+            kept.add(np.column_stack([part.t, part.estimates, part.innovations, part.truth[:, known]]))
         innovations.peak = made.innovations.peak
     except UndecidedError as error:
         run = "; ".join(str(problem) for problem in error.problems)
@@ -305,11 +312,6 @@ def entrant(
     rows = kept.rows if kept.rows.size else np.zeros((0, len(heads)))
     order, cost = len(made.observer.states), None if run != "done" else cost_of(made)
     return LogEntrant(label, made.design, order, truth, errors, innovations, rows, heads, counts, cost, run)
-
-
-def shown(part: Part, known: Sequence[int]) -> Float:
-    """Rows for a figure."""
-    return np.column_stack([part.t, part.estimates, part.innovations, part.truth[:, known]])
 
 
 def cost_of(made: Estimation) -> Cost | None:

@@ -1,10 +1,13 @@
 """Rows of a log of which what is proved of an observer says something."""
 
+import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import cast
 
 import numpy as np
 
+from obsdesign.data.rows import Rows
 from obsdesign.design import Design
 from obsdesign.families.guarantee import ROUNDING, SampledGuarantee
 from obsdesign.lmi.formula import Array, Float
@@ -15,31 +18,47 @@ from obsdesign.stepping.implemented import watched
 class Coverage:
     """Whether rows, which come some at a time, are covered: from the first on that is not, none is."""
 
-    def __init__(self, design: Design, *, late: bool) -> None:
+    def __init__(self, design: Design) -> None:
         self.design = design
-        self.late = late  # whether measurements are taken at their own time, whenever they come
         self.left = self.taken = False  # a row was not covered; whether there was a measurement at an instant
         self.measured: float | None = None  # s, the last measurement at an instant, or the first row
+        self.latest = -math.inf  # s, of the rows that came
+        self.why = ""  # a row was not covered
 
-    def of(self, t: Float, y: Float, q: Float, spread: Float, fresh: Array) -> Array:
-        """Rows that are covered: t (K,), y (K, ny), arguments q of f in the observer (K, nq), radii of these (K, nq).
+    def of(self, rows: Rows, q: Float, spread: Float, fresh: Array) -> Array:
+        """Rows that are covered, (K,): arguments q of f in the observer (K, nq), radii of these (K, nq).
 
-        `fresh`: rows in which no known input is missing, and whose y is used at its own time.
+        `rows`: with times at which estimates are told; `fresh`: those whose y is used at its own time.
         """
-        known = fresh & (np.isfinite(y).all(axis=1) | bool(self.design.observer.jump))
-        return self.inside(q, spread, known & self.timely(t, y)) & self.covers
+        whole = np.isfinite(rows.y).all(axis=1) | bool(self.design.observer.jump)
+        inside = np.ones(len(q), dtype=bool)
+        for column, low, high in self.limits:
+            inside &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
+        rests: dict[str, Array] = {
+            "a known input is missing": ~rows.guessed,
+            "y is used after its time": fresh,
+            "an output is missing": np.asarray(whole),
+            **self.timely(rows.t, rows.y),
+            "an argument of f is, or may be, outside the region of its type": inside,
+        }
+        return self.kept(rests, rows.lines) & self.covers
 
     @cached_property
     def covers(self) -> bool:
         """Whether anything is proved of the observer, for inputs and outputs of any size."""
         return self.design.guarantee is not None and not any(block.others for block in self.design.spec.nonlinearities)
 
-    def timely(self, t: Float, y: Float) -> Array:
-        """Rows at which no measurement at instants is overdue, and none came sooner than the guarantee expects."""
+    def timely(self, t: Float, y: Float) -> dict[str, Array]:
+        """Rows at which no measurement at instants is overdue, none sooner than the guarantee expects, none late.
+
+        A measurement that came after one that was made later was not there when that was taken.
+        """
         guarantee = self.design.guarantee
-        if guarantee is None or not self.design.observer.jump or self.late:
-            return np.ones(len(t), dtype=bool)
+        if guarantee is None or not self.design.observer.jump:
+            return {}
         sampled, kept = cast("SampledGuarantee", guarantee), np.ones(len(t), dtype=bool)
+        reached = np.maximum.accumulate(np.concatenate([[self.latest], t]))
+        self.latest = float(reached[-1])
         shortest = sampled.T1 if sampled.ahead is not None else 0.0
         for k, found in enumerate(np.isfinite(y).tolist()):
             measured = any(found)
@@ -49,21 +68,27 @@ class Coverage:
             self.taken |= measured
             if measured or self.measured is None:
                 self.measured = float(t[k])
-        return kept
+        return {
+            "a row came after one that was made later": t >= reached[:-1],
+            "a measurement is overdue, comes before T1 or lacks an output": kept,
+        }
 
-    def inside(self, q: Float, spread: Float, kept: Array) -> Array:
-        """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing.
+    def kept(self, rests: Mapping[str, Array], lines: Array) -> Array:
+        """Rows up to the first in which something fails on which bounds rest, (K,) by what has failed then.
 
-        Where radii are told, those of the plant too: within the radius of its argument of that in the observer.
-        `spread`: these radii, (K, nq); `kept`: rows in which nothing is missing or late.
+        Where radii are told, the arguments of f in the plant too are where types hold: within their radius.
         """
-        for column, low, high in self.limits:
-            kept &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
-        if self.left:
-            return np.zeros(len(q), dtype=bool)
-        kept = np.logical_and.accumulate(kept)
-        self.left = not kept.all()
-        return kept
+        holds = np.asarray(np.logical_and.reduce([*rests.values()]))
+        if self.left or holds.all():
+            return holds & (not self.left)
+        k = int(np.argmin(holds))
+        self.end(next(why for why, part in rests.items() if not part[k]), int(lines[k]))
+        return np.asarray(np.logical_and.accumulate(holds))
+
+    def end(self, why: str, line: int) -> None:
+        """Cover nothing from a row on."""
+        if not self.left:
+            self.left, self.why = True, f"{why} in line {line}, and from there on nothing is proved"
 
     @cached_property
     def limits(self) -> list[tuple[int, float, float]]:

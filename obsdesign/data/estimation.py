@@ -10,13 +10,14 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from obsdesign.data.coverage import Coverage
-from obsdesign.data.escape import cause
+from obsdesign.data.escape import Outlying
 from obsdesign.data.innovations import Innovations
+from obsdesign.data.intervals import Intervals
 from obsdesign.data.late import Delays, History
 from obsdesign.data.log import REPAIRED, Log
 from obsdesign.data.radius import Radius, radius
 from obsdesign.data.rows import Rows
-from obsdesign.data.runner import Passed, Runner, runner
+from obsdesign.data.runner import Passed, Runner, agree, runner
 from obsdesign.data.thinned import Thinned
 from obsdesign.design import Design
 from obsdesign.disk import whole
@@ -27,7 +28,6 @@ from obsdesign.stepping.implemented import implemented
 from obsdesign.trial import Implementation
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
-RTOL = 1e-6  # of estimates between rows, where the spec tells no steps
 MOST = 1_000_000  # steps between two rows
 FINEST = 2**14  # parts of the time between rows, beyond which a spec must tell its steps
 
@@ -60,11 +60,12 @@ class Estimation:
         self.first = log.where.hold == "first"
         self.innovations = Innovations(self.observer.outputs)
         self.radius = radius(design, log.where, self.names)
-        self.rows = self.missing = self.late = self.lost = self.uncovered = self.contradicted = 0
+        self.rows = self.missing = self.late = self.lost = self.uncovered = self.contradicted = self.bounded = 0
+        self.first_contradicted: dict[str, Any] = {}
         self.waited, self.begins_with = 0, tuple[str, ...]()  # rows before the first that has these outputs
         self.engine, self.delays = "", Delays()
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
-        self.coverage = Coverage(design, late=self.late_ones)
+        self.coverage, self.outlying, self.intervals = Coverage(design), Outlying(self.observer.outputs), Intervals()
         self.start: Runner | None = None  # the observer before the first row
 
     @property
@@ -88,14 +89,14 @@ class Estimation:
             if made is None:
                 made = self.begun(block)
                 self.engine, self.start, self.begins_with = made.engine, made.copied(), made.one.begins_with
-                history = self.history(made, block) if self.late_ones else None
+                history = History(made, self.first) if self.late_ones else None
             if early := self.before_begin(block):
                 yield self.waiting(block.cut(0, early))
             if not len((rows := block.cut(early)).t):
                 continue
             joined, begin = rows, 0
             if history is not None:
-                passed = history.run(rows, self.step)
+                history, passed = self.taken(history, rows)
                 self.late, self.lost = history.late, history.lost
             else:
                 if before is not None:
@@ -103,6 +104,7 @@ class Estimation:
                 made, passed = self.advanced(made, joined, begin)
             estimates, expected, arguments = (part[begin : passed.rows] for part in passed[:3])
             escaped = self.escaped(joined, passed.rows) if passed.rows < len(joined.t) else None
+            self.outlying = self.outlying.with_rows(rows)
             yield self.part(rows, Passed(estimates, expected, arguments, passed.rows))
             if escaped is not None:
                 raise escaped
@@ -126,7 +128,7 @@ class Estimation:
         K = len(rows.t)
         for name in ("rows", "waited", "missing", "uncovered"):
             setattr(self, name, getattr(self, name) + K)
-        self.coverage.left = True
+        self.coverage.end("the observer does not begin yet", int(rows.lines[0]))
         estimates, innovations, radii = (
             np.full((K, n), np.nan) for n in (len(self.names), rows.y.shape[1], self.width)
         )
@@ -139,30 +141,29 @@ class Estimation:
 
     def escaped(self, rows: Rows, count: int) -> UndecidedError:
         """Error after so many rows, with the value that stands out, if one does."""
-        said = "the observer has no finite value after this row" + self.cause(rows, count)
+        said = "the observer has no finite value after this row" + self.outlying.cause(rows, count)
         return UndecidedError(Problem(said, self.log.table.path, int(rows.lines[max(count - 1, 0)]), id="OBS813"))
 
-    def cause(self, rows: Rows, count: int) -> str:
-        """Value of these rows that stands out, as the end of a message."""
-        return cause(self.observer.outputs, rows, count, self.innovations.peak)
-
-    def history(self, made: Runner, rows: Rows) -> History:
-        """Measurements of an observer at its start; its steps, where the spec tells none, are found by halving."""
-        while self.step:
-            found, finer = (History(made, self.first).run(rows, h) for h in (self.step, self.step / 2))
+    def taken(self, history: History, rows: Rows) -> tuple[History, Passed]:
+        """Take rows, some of them late; steps, where the spec tells none, are found by halving."""
+        while True:
+            one, other = history.copied(), history.copied()
+            found = one.run(rows, self.step)
+            if not self.step:
+                return one, found
+            finer = other.run(rows, self.step / 2)
             if finer.rows == found.rows and agree(found.estimates, finer.estimates):
-                break
+                return one, found
             self.refine(rows)
-        return History(made, self.first)
 
     def refine(self, rows: Rows) -> None:
         """Halve the step; raises `UndecidedError` where it is short already for these rows."""
         self.step /= 2
         if self.step * FINEST < self.coarsest:
             said = "however short its steps are, halving them changes its estimates: it is too fast here, or escapes"
-            why = f"{said}; write implementation: {{period: .., method: exact}}, or mend the log"
-            why += self.cause(rows, len(rows.t))
-            raise UndecidedError(Problem(why, self.log.table.path, id="OBS813"))
+            said += "; write implementation: {period: .., method: exact}, or mend the log"
+            said += self.outlying.cause(rows, len(rows.t))
+            raise UndecidedError(Problem(said, self.log.table.path, id="OBS813"))
 
     @property
     def late_ones(self) -> bool:
@@ -215,31 +216,45 @@ class Estimation:
         radii, spread = np.zeros((K, 0)), np.zeros(passed.arguments.shape)
         if not isinstance(self.radius, str):
             radii, spread = self.radius.along(first, t, np.asarray(np.isfinite(y).any(axis=1)))
-        covered = self.coverage.of(t, y, passed.arguments, spread, ~rows.guessed & fresh)
+        if self.spec.period is None and not self.observer.jump:
+            self.intervals.add(t, rows.lines)
+        covered = self.coverage.of(rows._replace(t=t), passed.arguments, spread, fresh)
         radii = np.where(covered[:, None], radii, np.nan)
+        self.bounded += int(covered.sum())
         if isinstance(self.radius, Radius):
-            beyond = self.radius.contradicted(innovations, np.arange(first, first + K))
-            self.contradicted += int((covered & beyond).sum())
+            beyond = np.flatnonzero(covered & self.radius.contradicted(innovations, np.arange(first, first + K)))
+            if len(beyond) and not self.contradicted:
+                self.first_contradicted = {"line": int(rows.lines[beyond[0]]), "t": float(t[beyond[0]])}
+            self.contradicted += len(beyond)
         self.uncovered += int((~covered).sum())
         return Part(t, passed.estimates, innovations, radii, covered, rows.truth)
+
+    @property
+    def reason(self) -> dict[str, str]:
+        """Premise of the radii, or why no row has one."""
+        if isinstance(self.radius, str):
+            return {"none": self.radius}
+        return {"premise": self.radius.premise} if self.bounded else {"none": self.coverage.why}
 
     def report(self) -> dict[str, Any]:
         """What is said of the log."""
         told = {name: count for name, count in self.log.counts.items() if count and name in REPAIRED}
-        gaps = self.log.counts["gaps"]
         return {
             "rows": self.rows,
             "missing": self.missing,
             "late": self.late or self.delays.unused,
             **({"lost": lost} if (lost := self.lost or self.delays.unused) else {}),
             **self.delays.report(),
-            **({"gaps": gaps} if gaps else {}),
+            **({"gaps": gaps} if (gaps := self.log.counts["gaps"]) else {}),
+            **self.intervals.report(),
+            **self.outlying.report(),
             **({"waited": {"rows": self.waited, "for": [*self.begins_with]}} if self.waited else {}),
             "engine": self.engine,
             "step": self.step or None,
             "uncovered": self.uncovered,
             **({"contradicted": self.contradicted} if self.contradicted else {}),
-            "radius": {"premise": self.radius.premise} if not isinstance(self.radius, str) else {"none": self.radius},
+            **({"first_contradicted": first} if (first := self.first_contradicted) else {}),
+            "radius": self.reason,
             "innovations": self.innovations.report(),
             **({"repaired": told} if told else {}),
         }
@@ -329,9 +344,3 @@ def told(made: Estimation, progress: Callable[[float], None] | None) -> Iterator
         yield part
         if progress is not None:
             progress(made.log.table.share)
-
-
-def agree(one: Float, other: Float) -> bool:
-    """Whether estimates are the same but for 1e-6 of the largest of each."""
-    size = np.abs(other).max(axis=0, initial=1e-300)
-    return bool((np.abs(one - other).max(axis=0, initial=0.0) <= RTOL * size).all())

@@ -1,7 +1,7 @@
 """Measurements that become known late: an observer of instants goes back to them, another uses them when they come."""
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,15 +19,15 @@ class Delays:
 
     unused: int = 0  # which came after newer ones, and are not used
     rows: int = 0  # which were used after their time, or at which none was new
-    longest: float = 0.0  # s, from the time of such a row to its first use
+    longest: float = 0.0  # s, from the time of a y to a row at which it is used
 
     def timely(self, rows: Rows) -> Array:
         """Rows that were known at their time."""
-        after = np.asarray(rows.known > rows.t) & ~rows.held
+        after = np.asarray(rows.known > rows.t) | rows.held
         self.unused += int(rows.unused.sum())
-        self.rows += int((after | rows.held).sum())
+        self.rows += int(after.sum())
         self.longest = max(self.longest, float((rows.known - rows.t)[after].max(initial=0.0)))
-        return ~(after | rows.held)
+        return ~after
 
     def report(self) -> dict[str, Any]:
         """Entry of the report, if any row came late."""
@@ -54,6 +54,10 @@ class History:
     late: int = 0  # measurements that came so
     lost: int = 0  # .. before all that are kept: they are not used
     full: bool = False  # whether earlier ones are not kept any more
+
+    def copied(self) -> "History":
+        """The same, which goes on by itself."""
+        return replace(self, taken=[*self.taken])
 
     def run(self, rows: Rows, h: float = 0.0) -> Passed:
         """Take rows in the order in which they became known; what is made of each at its own time."""

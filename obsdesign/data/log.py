@@ -205,7 +205,7 @@ class Log:
         if len(wrong := np.flatnonzero(~(gaps > 0) & ~together)):
             k = int(wrong[0])
             t, before = rows.known[k], rows.known[k - 1] if k else last
-            what = not_rising(t, before)
+            what = not_rising(t, before, self.where.arrival or "t")
             said = "--repair sorts rows and leaves out those without a time of their own"
             also = "rows stand in the order of arrival" if self.where.arrival else "or name the column of their arrival"
             raise self.table.wrong(f"{what}; {said}; {also}", int(rows.lines[k]), id="OBS811")

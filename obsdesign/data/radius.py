@@ -90,6 +90,7 @@ class SampledRadius:
         """Radii of the estimates and of the arguments of f at the rows that follow, as `Radius.along`."""
         if math.isnan(self.begin) and len(t):
             self.begin = self.t = float(t[0])
+        t = np.maximum.accumulate(np.concatenate([[self.t], t]))[1:]  # a row that comes late has no radius
         root, size = self.storage(t, measured)[:, None], self.lasting(t - self.begin)[:, None] * OUTWARD
         pairs = (self.reach, self.lengths), (self.reach_of_arguments, self.lengths_of_arguments)
         radii, spread = (np.minimum(root * reach, size * length) for reach, length in pairs)
@@ -114,7 +115,7 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
         return "nothing is proved of these gains"
     family = FAMILIES[spec.observer.type]
     instants, none = family.sampled, f"of type {spec.observer.type} none is computed along a log"
-    if why := none if family.equations else unheld(spec, where) if instants else uncovered(design):
+    if why := none if family.equations else unheld(spec) if instants else uncovered(design):
         return why
     states = (*spec.plant.states, *spec.model_states)
     if where.v_sup is None or (missing := [name for name in states if name not in where.e0]):
@@ -164,6 +165,7 @@ def sampled(
     assert isinstance(rates, Rates)
     said = "|v| <= v_sup at all times, |eta| <= eta_sup at all measurements, errors before the first row within e0, the"
     said += " plant as in the spec, known inputs between rows as hold says, the observer integrated to 1e-6"
+    said += ", up to the first row that came after one that was made later" * bool(where.arrival)
     assumed = [f"assumed: {' and '.join(spec.assumed)}"] if spec.assumed else []
     lengths, of_arguments = (np.linalg.norm(in_floats(M), axis=1) for M in (H, spec.augmented.Cq))
     v, eta, size = float(where.v_sup), float(where.eta_sup), float(np.linalg.norm([*e0, *np.abs(C) @ e0]))
@@ -173,11 +175,10 @@ def sampled(
     )  # fmt: skip
 
 
-def unheld(spec: Spec, where: Recorded) -> str:
+def unheld(spec: Spec) -> str:
     """Why what is proved of measurements at instants says nothing of a log, or nothing."""
     reasons = {
         "nothing is proved of the steps of an implementation; leave it out": spec.implementation is not None,
-        "measurements come late, and what is proved is of those that came": bool(where.arrival),
         RANGES: any(block.others for block in spec.nonlinearities),
         "the claim is local, and where the arguments of f are between rows is not known": bool(spec.validity),
     }

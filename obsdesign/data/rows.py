@@ -53,13 +53,13 @@ def standing(rows: Rows, first: bool) -> Rows:
     at, K = np.arange(len(rows.t)), len(rows.t)
     place = np.maximum.accumulate(np.where(rows.held, 0, at))
     if not first:
-        return rows._replace(u=rows.u[place], y=rows.y[place])
+        return rows._replace(t=rows.t[place], u=rows.u[place], y=rows.y[place])
     after = np.minimum.accumulate(np.where(rows.held, K, at)[::-1])[::-1]
     after = np.where(after == K, place, after)
     span = rows.known[after] - rows.known[place]
     share = ((rows.known - rows.known[place]) / np.where(span > 0, span, 1.0))[:, None]
     u, y = (part[place] + np.nan_to_num(share * (part[after] - part[place])) for part in (rows.u, rows.y))
-    return rows._replace(u=u, y=y)
+    return rows._replace(t=rows.t[place], u=u, y=y)
 
 
 def joined(parts: Sequence[Rows]) -> Rows:

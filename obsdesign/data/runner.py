@@ -16,6 +16,7 @@ from obsdesign.lmi.formula import Float
 from obsdesign.stepping.implemented import Implemented
 from obsdesign.stepping.open_loop import Mask, partial
 
+RTOL = 1e-6  # of estimates between rows, where the spec tells no steps
 COMPILER = ("gcc", "-std=c99", "-O2", "-shared", "-fPIC")
 
 
@@ -26,6 +27,12 @@ class Passed(NamedTuple):
     expected: Float  # (K, ny), y before it is known
     arguments: Float  # (K, nq), of f in the observer, where they are watched
     rows: int  # how far it got: the equations have no value after that
+
+
+def agree(one: Float, other: Float) -> bool:
+    """Whether estimates are the same but for 1e-6 of the largest of each."""
+    size = np.abs(other).max(axis=0, initial=1e-300)
+    return bool((np.abs(one - other).max(axis=0, initial=0.0) <= RTOL * size).all())
 
 
 class Runner(Protocol):

@@ -1,5 +1,6 @@
 """A file of columns of numbers, read block by block, so that its length does not matter."""
 
+import codecs
 import csv
 import io
 import os
@@ -72,18 +73,23 @@ class Table:
 
     @cached_property
     def top(self) -> tuple[str, int]:
-        """Line of heads, and its number: the first without #; or the last with it, where numbers follow at once."""
-        before = ""
+        """Line of heads, and its number: the first without #; or the last with it, where numbers follow.
+
+        Blank lines before it, or between both, are left out.
+        """
+        before, place = "", 0
         with self.opened() as file:
             for k in range(1, COMMENTS + 2):
                 line = file.readline(LONGEST)
-                if len(line) == LONGEST or not line.strip():
+                if len(line) == LONGEST or not line:
                     break
                 text = self.decoded(line, k).lstrip("\ufeff").rstrip("\r\n")
+                if not text.strip():
+                    continue
                 if not text.startswith("#"):
                     named = before and all(number(one) is not None for one in re.split("[,;\t]", text) if one.strip())
-                    return (before, k - 1) if named else (text, k)
-                before = text.lstrip("# ")
+                    return (before, place) if named else (text, k)
+                before, place = text.lstrip("# "), k
         raise self.wrong("begins with no line of column names, such as t,y1,u", 1, id="OBS811")
 
     @property
@@ -211,6 +217,9 @@ class Table:
 
     def decoded(self, text: bytes, line: int) -> str:
         """Text in UTF-8."""
+        if line == 1 and text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            said = "is text in UTF-16; save the file as UTF-8 (iconv -f utf-16 -t utf-8)"
+            raise self.wrong(said, line, id="OBS811")
         try:
             return text.decode()
         except UnicodeDecodeError as error:
@@ -234,11 +243,11 @@ def filled(values: Float, before: Float) -> Float:
     return whole[1:]
 
 
-def not_rising(t: float, before: float) -> str:
-    """What is wrong with an instant that is not after the one before."""
+def not_rising(t: float, before: float, name: str = "t") -> str:
+    """What is wrong with an instant, by its name, that is not after the one before."""
     if np.isnan(t):
         return "the time is missing"
-    return f"t = {t:.9g} " + (
+    return f"{name} = {t:.9g} " + (
         "is that of the row before" if t == before else f"is before that of the row before, {before:.9g}"
     )
 

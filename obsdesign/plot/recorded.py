@@ -109,7 +109,7 @@ def proved_of(one: "LogEntrant") -> str:
     """Whether something is proved of an observer, in a word or two."""
     if not one.design.proved:
         return "no guarantee"
-    return "yes" if one.design.spec.period is not None else "not of its steps"
+    return "yes" if one.followed else "not of its steps"
 
 
 def table(entrants: "Sequence[LogEntrant]", truth: list[str]) -> list[tuple[str, ...]]:

@@ -18,10 +18,14 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         [("late", f"{report['late']:,} rows came after others that were made later{unused}")] if report["late"] else []
     )
     if stale := report.get("stale"):
-        said = f"{stale['rows']:,} rows, y used up to {plain(stale['longest'])} s after its time, or held on"
+        said = f"{stale['rows']:,} rows, y used up to {plain(stale['longest'])} s after its time"
         rows.append(("stale", f"{said}; nothing is proved from the first of them on"))
     gaps, waited = report.get("gaps"), report.get("waited")
     rows += [("gaps", f"{gaps:,} samples without a row, taken as rows without outputs")] if gaps else []
+    if hole := report.get("holes"):
+        number = f"{hole['count']:,} interval" + "s" * (hole["count"] > 1)
+        said = f"{number} longer than 20 times the mean before, at most {plain(hole['longest'])} s, up to line"
+        rows.append(("holes", f"{said} {hole['line']}; u and y go on there as hold says"))
     if waited:
         known = " and ".join(waited["for"])
         rows.append(("begins", f"at the first row with {known}; {waited['rows']:,} before it have no estimates"))
@@ -36,11 +40,12 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         white = "" if told["white"] is None else f", {whiteness(told['white'])}"
         white = f", {ZERO}" if "zero_to_rounding" in told else white
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
+    rows += [("outlying", one["note"]) for one in report.get("outlying", ())]
     radius = report["radius"]
     rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
     if count := report.get("contradicted"):
         said = "with a larger innovation than v_sup and e0 allow: the log contradicts these, or the plant of the spec"
-        rows.append(("contradicted", f"{count:,} rows {said}"))
+        rows.append(("contradicted", f"{count:,} rows, from line {report['first_contradicted']['line']} on, {said}"))
     if report["uncovered"]:
         rows.append(("uncovered", f"{report['uncovered']:,} rows, of which nothing is proved (column covered)"))
     return aligned([*rows, ("estimates", samples), ("figure", figure or "none")])

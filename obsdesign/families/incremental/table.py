@@ -9,7 +9,7 @@ from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.tables.text import at_most, decay_rows, gamma_text, matrix_text, pole_text, spectral_norm
 
 SPLIT = "of the inequality, for (v_b at k, v_d at k + 1): b the channels of v that act on x, d those in y"
-GONE = 1e-6  # absolute value of a pole of samples, below which its error is gone in the next
+GONE = 1e-7  # absolute value of a pole of samples, below which its error is gone in the next
 
 
 def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
