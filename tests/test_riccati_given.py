@@ -76,7 +76,9 @@ def test_a_large_plant_has_its_largest_constant_and_a_proof_of_nearly_that(noise
     assert any("the gain is the central one" in note for note in made.notes)
 
 
-@pytest.mark.parametrize(("springs", "gamma"), [((0,), 0.225348), pytest.param((0, 1), 0.4089, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("springs", "gamma"), [((0,), 0.225348), pytest.param((0, 1), 0.242599, marks=pytest.mark.slow)]
+)
 def test_a_large_lipschitz_plant_has_its_limit_and_gains_that_are_proved(springs, gamma):
     made = od.solve(lipschitz(chain(12, springs=springs), 1))
     assert made.proved

@@ -75,9 +75,20 @@ def test_random_plants_have_the_limits_of_the_inequalities(name, seeds, least):
             continue
         assert answer.status is not Status.INFEASIBLE
         if answer.status is Status.OPTIMAL:
-            assert math.sqrt(found.mu) == pytest.approx(math.sqrt(answer.objective), rel=5e-5)
+            theirs = answer.objective
+            if found.mu < theirs * (1 - 1e-4):  # a solver's optimum may be as wrong: at its scales an equation tells
+                theirs = least_at(answer, family)
+            assert math.sqrt(found.mu) == pytest.approx(math.sqrt(theirs), rel=5e-5)
             compared += 1
     assert compared >= least
+
+
+def least_at(answer, family):
+    """Least mu at the scales of an optimum."""
+    form, shares = form_of(family), 1 if family.about.peak else answer.objective
+    names = [unknown.name for unknown in family.multiplier.unknowns()]
+    scaled = form.scaled(np.array([answer.values[name].item() for name in names]) * shares / answer.objective)
+    return (least_peak(scaled, family.H) if family.about.peak else least(scaled)).mu
 
 
 def test_no_scales_have_a_gamma_below_the_bound():
