@@ -306,3 +306,33 @@ def test_limits_through_almost_exact_outputs_are_those_of_the_inequalities():
         answer = None if found is None else Engine().minimise(problem.least_gamma())
         if answer and answer.status is Status.OPTIMAL:
             assert math.sqrt(found.objective) == pytest.approx(math.sqrt(answer.objective), rel=5e-4), seed
+
+
+WEAK = {  # a mode grows that the outputs see by 3e-6 only, and the noise is as small: no search finds the limit
+    "system": {
+        "A": [[0.579735, 2.58081e-06], [-0.18709, 0.312703]],
+        "B": [[1.58436, -0.201345, 0.000401596, -0.000908728], [-1.72463, -0.844701, -0.000346526, 0.00155981]],
+        "C": [[-1.93696, 0], [-0.394306, 0]],
+        "D": [[0, 0, 0.000835043, 0.000288588], [0, 0, 0.00115917, -0.000990644]],
+    },
+    "performance": {"H": [[-2.04903, 0.0754439]]},
+}
+
+
+@pytest.mark.parametrize("objective", ["min-gamma", {"gamma": 2e5}, "feasibility"])
+def test_where_no_search_finds_the_limit_a_central_gain_is_proved(objective, monkeypatch):
+    undecided = Answer(Status.UNDECIDED)
+    monkeypatch.setattr("obsdesign.dissipation.engine.minimise", lambda *_, **__: undecided)
+    monkeypatch.setattr("obsdesign.dissipation.engine.widest", lambda *_, **__: undecided)
+    monkeypatch.setattr("obsdesign.dissipation.gain.least_gamma", lambda *_, **__: None)
+    made = od.solve(od.Spec(**WEAK, observer={"type": "linf", "alpha": 0.044, "objective": objective}))
+    assert made.status == "certified"
+    assert made.verify().holds
+    assert "the limit is not known" in made.notes[-1]
+    gamma = made.guarantee.gamma
+    if objective == "min-gamma":
+        limit = made.limit
+        assert limit["kind"] == "best-found"
+        assert limit["gamma"] < gamma < 1.06 * limit["gamma"]
+    else:
+        assert gamma == objective["gamma"] if isinstance(objective, dict) else gamma > 0

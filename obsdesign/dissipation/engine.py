@@ -16,7 +16,8 @@ class Engine:
         self.solver = solver
         self.report = report
         self.solves = 0
-        self.eliminates = solver == "clarabel"  # whether Riccati equations may find a limit: not in its cross-check
+        self.equations = solver == "clarabel"  # whether Riccati equations take part: not in its cross-check
+        self.eliminates = self.equations  # whether they may find a limit
         self.eliminated = False  # whether one did
         self.recalled: dict[tuple[bytes, ...], Answer] = {}  # what they told of which numbers
 

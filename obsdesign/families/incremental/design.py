@@ -181,7 +181,7 @@ class Designer:
 
     def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
         """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
-        if not self.engine.eliminates or self.request.bounds.restricted:
+        if not self.engine.equations or self.request.bounds.restricted:
             return None
         certificate = proved_central(self.engine, family, gamma, self.request.kept)
         made = certificate and self.claimed(certificate.family, certificate)
@@ -202,6 +202,12 @@ class Designer:
         if any(block.f is None for block in self.spec.nonlinearities):
             self.notes.append("what is said of |what - w| takes f to depend on q only, since it is not given")
         return replace(made, claim=replace(made.claim, reconstruction=bound))
+
+    def instead(self, why: str) -> Outcome | None:
+        """Central gain with about the least gamma that one is proved to reach; None where none is."""
+        known = None if self.range else self.limits.proved(replace(self.family, rate=self.lowest))
+        made = known and self.central(self.family, known[0], f"the limit is not known; {why}")
+        return replace(made, limit=known[1], notes=tuple(self.notes)) if known and made else None
 
     @property
     def search(self) -> Search | None:
@@ -335,9 +341,9 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     except UndecidedError:
         if engine.distrust():  # gains are not where a Riccati equation has them: inequalities decide
             return design(spec, engine)
-        if (absent := designer.absent()) is None:
+        if (other := designer.absent() or designer.instead("this gamma is about the least proved")) is None:
             raise
-        made = absent
+        made = other
     if made.status is Verdict.UNCERTIFIED and not designer.request.gains:
-        made = designer.absent() or made
+        made = designer.absent() or designer.instead("gains near it fail in rationals") or made
     return replace(made, scaling=scaling(searchable(designer.family)) if engine.solves else {})

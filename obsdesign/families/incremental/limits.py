@@ -7,6 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.central import least_proved
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
@@ -122,6 +123,24 @@ class Limits:
         if least.attained:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
+
+    def proved(self, family: Incremental) -> tuple[float, dict[str, Any]] | None:
+        """Gamma to be certified, and the limit, by what central gains are proved to reach: where nothing else tells.
+
+        `family`: in rationals, at its rate. None: they tell nothing, or more is bounded than gamma.
+        """
+        request, unknown = self.request, {"attained": False}
+        asked = request.gamma if request.gamma is not None else request.bounds.gamma
+        if request.bounds.restricted or request.gains:
+            return None
+        if asked is not None or not family.plant.B.shape[1]:
+            return (1.0 if asked is None else float(asked)), unknown
+        least = least_proved(self.engine, family, request.kept)
+        if least is None:
+            return None
+        self.engine.eliminated = True
+        target = EASY * least if request.objective == "feasibility" else Level(least).target(float(request.slack))
+        return target, {"gamma": least, "attained": True, **BEST_FOUND}
 
     def moderate(self, search: Incremental) -> float:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one.
