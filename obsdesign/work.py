@@ -13,6 +13,7 @@ from obsdesign.advice import advised, within_bounds
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
+from obsdesign.elsewhere import designed
 from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
 from obsdesign.expectation import strays
 from obsdesign.families import FAMILIES, hinted, rescaled
@@ -58,7 +59,7 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
     engine = Engine(solver, report)
     with spec.placed():
         try:
-            outcome = FAMILIES[spec.observer.type].design(spec, engine)
+            outcome = designed(spec, engine, FAMILIES[spec.observer.type].design)
             if outcome.status is Verdict.INFEASIBLE:
                 outcome = advised(spec, outcome, engine)
         except UndecidedError as error:

@@ -13,7 +13,18 @@ from obsdesign.dissipation.inequality import LARGE, SMALL, Incremental
 from obsdesign.dissipation.region import Region
 from obsdesign.files import ResultFile, witness
 from obsdesign.files import written as exactly
-from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate, below, identity, printed, rational
+from obsdesign.lmi.formula import (
+    Array,
+    Exact,
+    Inequality,
+    Values,
+    above,
+    approximate,
+    below,
+    identity,
+    printed,
+    rational,
+)
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.lmi.spectrum import lower
 from obsdesign.model import loop
@@ -103,6 +114,15 @@ def certify(
     places = {unknown.name: values[unknown.name] for unknown in family.placing(bounds)}
     multipliers = {name: value for name, value in values.items() if name != "P" and name not in places}
     return Certificate(family, gamma, mu1, mu2, P, multipliers, conditions, bounds.poles, places)
+
+
+def moved(certificate: Certificate, family: Incremental, S: Exact) -> Certificate:
+    """Certificate of a family whose states are x, from that in the states S x; S rational.
+
+    `family`: plant, multiplier, rate and gains in x; the storage function is the same, P = S' P' S.
+    """
+    values = {"P": S.T @ certificate.P @ S, **certificate.multipliers}
+    return certify(family, certificate.gamma, certificate.mu1, certificate.mu2, values)
 
 
 def read_values(file: ResultFile, family: Incremental, witness: Sequence[str], bounds: Bounds) -> Values:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from obsdesign.families.observer import Observer
     from obsdesign.families.outcome import Claim, Outcome, Proof
     from obsdesign.files import ResultFile
-    from obsdesign.lmi.formula import Array
+    from obsdesign.lmi.formula import Array, Exact
     from obsdesign.sections.values import Reader
     from obsdesign.spec import Nonlinearity, Request, Spec
 
@@ -147,6 +147,14 @@ class Family:
         """Claim of a certified result file, checked with no solver."""
         claim: Claim = self.part("claim").read(spec, file)
         return claim
+
+    def moved(self, spec: "Spec", claim: Any, gains: "Mapping[str, Array]", S: "Exact") -> "Claim | None":
+        """Claim of the plant of a spec, with gains in rationals, from that of the same plant in the states S x.
+
+        None of a family that moves none. It is checked anew, so that it holds or not whatever S is.
+        """
+        part = self.part("claim")
+        return part.moved(spec, claim, gains, S) if hasattr(part, "moved") else None
 
     def theorem(self, spec: "Spec", claim: Any, path: str) -> str:
         """Claim that holds as a file of Coq, with its proof.

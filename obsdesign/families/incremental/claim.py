@@ -6,6 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.dissipation import certificate as certificates
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept, read_values
 from obsdesign.dissipation.discrete import FILTERED, PREDICTED
@@ -30,7 +31,7 @@ from obsdesign.families.outcome import Outcome
 from obsdesign.families.poles import require, stated, told
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Exact
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.model.filtered import gain_of
 from obsdesign.records import dataclass
@@ -144,6 +145,13 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     if "reconstruction" in file.table("guarantee"):
         claim = replace(claim, reconstruction=read_reconstruction(spec, file, family))
     return claim
+
+
+def moved(spec: Spec, claim: Claim, gains: Mapping[str, Array], S: Exact) -> Claim:
+    """Claim of gains in the states of a spec, from that in the states S x."""
+    family = posed(spec, claim.certificate.rate, gains["L1"], gains["L2"])
+    certificate = certificates.moved(claim.certificate, family, S)
+    return Claim(certificate, asked=held(request_of(spec), gains["L1"], certificate.gamma))
 
 
 def held(request: Request, L1: Array, gamma: fmpq) -> tuple[Check, ...]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.dissipation import certificate as certificates
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept, read_values
 from obsdesign.dissipation.decimals import square_below
@@ -21,7 +22,7 @@ from obsdesign.families.outcome import Outcome
 from obsdesign.families.poles import MEMBERS, require, stated, told
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, approximate, below, printed
+from obsdesign.lmi.formula import Array, Exact, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -169,6 +170,18 @@ def read(spec: Spec, file: ResultFile) -> Claim:
         more = read_certificate(spec, file, L, largest, rate, ADMISSIBLE, ADMISSIBLE)
         claim = replace(claim, admissible=Claim(largest, more))
     return claim
+
+
+def moved(spec: Spec, claim: Claim, gains: Mapping[str, Array], S: Exact) -> Claim:
+    """Claim of a gain in the states of a spec, from that in the states S x."""
+    request, rate = request_of(spec), claim.certificate.rate
+    unit = S_PROCEDURE[request.pace].of(
+        spec.posed, spec.multiplier, proportions(request.lipschitz), spec.H, rate, gains["L"]
+    )
+    certificate = certificates.moved(claim.certificate, unit.stretched(claim.lipschitz), S)
+    more = claim.admissible and moved(spec, claim.admissible, gains, S)
+    bound = held(request, gains["L"], certificate, disturbed=spec.disturbed)
+    return Claim(claim.lipschitz, certificate, replace(more, bound=()) if more and more.holds else None, bound)
 
 
 def held(request: LipschitzRequest, L: Array, certificate: Certificate, *, disturbed: bool) -> tuple[Check, ...]:

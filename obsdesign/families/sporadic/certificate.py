@@ -159,6 +159,22 @@ def exponential(exponent: fmpq) -> fmpq:
     return arb(exponent).exp().upper().fmpq()
 
 
+def moved(
+    certificate: SporadicCertificate,
+    problem: tuple[Plant[Exact], Multiplier, Array],
+    gains: tuple[Array, Array],
+    S: Exact,
+) -> SporadicCertificate:
+    """Certificate of gains in the states x, from that in the states S x: the storage function is the same.
+
+    `problem`: plant, multiplier and Cp in x, in rationals, as the gains are and S is.
+    """
+    known = certificate
+    values = {"P1": S.T @ known.P1 @ S, "P2": known.P2, **known.multipliers}
+    decay, delta = known.family.decay, known.family.delta
+    return certify_sporadic(*problem, gains, (known.T1, known.T2), decay, delta, known.gamma, known.mu, values)
+
+
 def certify_sporadic(
     plant: Plant[Exact],
     multiplier: Multiplier,

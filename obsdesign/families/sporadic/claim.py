@@ -7,6 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.families.outcome import Outcome
+from obsdesign.families.sporadic import certificate as certificates
 from obsdesign.families.sporadic.certificate import (
     CONSTANTS,
     LARGEST_EXPONENT,
@@ -24,7 +25,7 @@ from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, above, approximate, below
+from obsdesign.lmi.formula import Array, Exact, above, approximate, below
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.sections.scalars import described
 from obsdesign.spec import Spec
@@ -99,6 +100,17 @@ class Claim(Proved):
             "statement": self.statement(spec),
         }
         return {"guarantee": guarantee, "certificate": certificate}
+
+
+def moved(spec: Spec, claim: "Claim | ClockClaim", gains: Mapping[str, Array], S: Exact) -> Claim | None:
+    """Claim of gains in the states of a spec, from that in the states S x; None of certificates of a clock."""
+    if not isinstance(claim, Claim):
+        return None
+    problem, pair = (spec.augmented, spec.multiplier, spec.H), (gains["L"], gains["H"])
+    longest = claim.longest and certificates.moved(claim.longest, problem, pair, S)
+    asked = held(request_of(spec), {"L": gains["L"]})
+    kept = longest if longest and longest.holds else None
+    return Claim(certificates.moved(claim.certificate, problem, pair, S), kept, asked)
 
 
 def read(spec: Spec, file: ResultFile) -> "Claim | ClockClaim":

@@ -1,0 +1,84 @@
+"""A plant in awkward states has the verdict that it has in its own: what is feasible is never called infeasible."""
+
+import numpy as np
+import pytest
+from test_every_family import SMALL
+
+import obsdesign as od
+from obsdesign.dissipation.engine import Engine
+from obsdesign.elsewhere import NOTE, designed, inverse, states, turned
+from obsdesign.errors import UndecidedError
+from obsdesign.families import FAMILIES
+from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.lmi.formula import printed
+
+AWKWARD = printed(np.array([[4e5, 5e5], [8.0, 10.5]]))  # in which numbers of A of the size 2e6 all but cancel
+LONG = {"sporadic"}  # whose designs take seconds: gains that are given do not
+NAMES = [
+    pytest.param(name, marks=pytest.mark.slow if name in LONG | {"linf", "unknown-input"} else ())
+    for name, family in FAMILIES.items()
+    if not family.equations
+]
+NUMERICAL = {"id": "OBS603", "condition": "inequality", "reason": "as a solver says", "proof": "numerical"}
+
+
+def awkward(name, i=0, **changes):
+    """Small spec of a family in awkward states, with its gains, if there are some."""
+    return turned(od.Spec(name=name, **SMALL[name][i].sections(**changes)), AWKWARD)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_feasible_is_never_called_infeasible_in_other_states(name):
+    try:
+        design = od.solve(awkward(name, int(name in LONG)))
+    except UndecidedError:
+        assert name == "unknown-input"  # whose E is another in other states
+        return
+    assert design.status == "certified"
+    assert design.claim.holds
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_infeasible_stays_so_in_other_states(name):
+    assert od.solve(awkward(name, **SMALL[name][0].hopeless)).status == "infeasible"
+
+
+def refusing(spec, otherwise):
+    """Design that believes a solver in the states of a spec, and in others does something else."""
+    return lambda asked, engine: (
+        otherwise(asked, engine) if asked is not spec else Outcome(Verdict.INFEASIBLE, diagnosis=NUMERICAL)
+    )
+
+
+def test_gains_that_are_found_in_other_states_are_proved_in_those_of_the_spec():
+    spec = od.Spec(name="moved", **SMALL["l2"][0].sections())
+    made = designed(spec, Engine(), refusing(spec, FAMILIES["l2"].design))
+    assert made.status is Verdict.CERTIFIED
+    assert made.notes[-1] == NOTE
+    assert made.claim.holds
+    assert made.claim.certificate.family.plant is spec.posed
+    given = od.Spec(name="given", **SMALL["l2"][0].sections(observer={"gains": made.gains}))
+    assert od.solve(given).guarantee.gamma == pytest.approx(made.claim.guarantee(spec).gamma, rel=0.05)
+
+
+def test_a_word_that_does_not_hold_in_other_states_is_no_verdict():
+    spec = od.Spec(name="doubted", **SMALL["l2"][0].sections())
+
+    def undecided(*_):
+        raise UndecidedError("not decided", id="OBS507")
+
+    with pytest.raises(UndecidedError, match="in these states, and does not say so in those in which A is diagonal"):
+        designed(spec, Engine(), refusing(spec, undecided))
+    agreed = designed(spec, Engine(), lambda *_: Outcome(Verdict.INFEASIBLE, diagnosis=NUMERICAL))
+    assert agreed.diagnosis == NUMERICAL
+    exact = Outcome(Verdict.INFEASIBLE, diagnosis={**NUMERICAL, "proof": "exact"})
+    assert designed(spec, Engine(), lambda asked, _: exact if asked is spec else undecided()) is exact
+
+
+def test_a_plant_in_other_states_is_the_same_plant():
+    spec = od.Spec(name="same", **SMALL["l2"][0].sections())
+    again = turned(turned(spec, AWKWARD), inverse(AWKWARD))
+    assert all((getattr(again.plant, name) == getattr(spec.plant, name)).all() for name in ("A", "B", "Bf", "C", "Cq"))
+    assert (again.H == spec.H).all()
+    diagonal = od.Spec(system={"A": [[-1, 0], [0, -2]], "C": [[1, 1]]}, observer={"type": "l2", "alpha": 0.1})
+    assert states(diagonal) is None
