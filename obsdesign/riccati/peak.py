@@ -12,7 +12,7 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import dying
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
-from obsdesign.riccati.least import BELIEVED, FAR, NOISE, Least, Search, quiet, reached, require_quiet
+from obsdesign.riccati.least import BELIEVED, FAR, NOISE, Least, Search, quiet, reached, require_quiet, root
 from obsdesign.riccati.scaled import GRID, Best, Scales, closed, sought
 
 PEAK_SHARES = ((1e-4, 1e-5), (1e-7, 1e-8), (1e-10, 1e-11))  # of the size of v: noise on every state
@@ -36,9 +36,13 @@ def least_peak(form: Form, H: Float) -> Least:
         if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
             search.refer(far)
         point = search.at(1.0)
+        if not point.solved or point.X is None:
+            raise UnclearError("no P was found")
+        R = root(point.X)
+        point = Search(Eliminated.of(reached(balanced, share).moved(R)), reduced.n).at(1.0)
         if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
             raise UnclearError("no P was found")
-        found.append(float(np.linalg.eigvalsh(output @ point.X @ output.T).max(initial=0.0)))
+        found.append(float(np.linalg.eigvalsh(output @ R @ point.X @ R.T @ output.T).max(initial=0.0)))
     noisier, mu = found
     added = (noisier - mu) / mu if mu > 0 else 1.0
     if not -NOISE < added < BELIEVED:
