@@ -10,6 +10,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
 from operator import add
@@ -17,7 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
 Array = npt.NDArray[Any]
 Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
@@ -122,6 +123,14 @@ def he(X: Array) -> Array:
     return X + X.mT
 
 
+def product(X: Array, Y: Array) -> Array:
+    """Return X @ Y; of two rational matrices through integers over one denominator each, which large ones ask for."""
+    if X.ndim != 2 or Y.ndim != 2 or X.dtype != object or Y.dtype != object or not X.size or not Y.size:
+        return np.asarray(X @ Y)
+    made = fmpq_mat(*X.shape, X.ravel().tolist()) * fmpq_mat(*Y.shape, Y.ravel().tolist())
+    return np.array(made.entries(), dtype=object).reshape(len(X), Y.shape[1])
+
+
 def combined(*pairs: tuple[Array, Array]) -> Array:
     """Sum of products; of doubles without what is left of terms that cancel, which has a size but no meaning."""
     made = reduce(add, (X @ Y for X, Y in pairs))
@@ -178,6 +187,14 @@ def rational_number(value: Any) -> fmpq:
     return fmpq(fraction.numerator, fraction.denominator)
 
 
+def decimal_number(text: str) -> fmpq:
+    """Exact rational of a decimal text, quicker than of any text. Raises `ValueError`: it is not finite."""
+    number = Decimal(text)
+    if not number.is_finite():
+        raise ValueError(f"{text} is no finite number")
+    return fmpq(*number.as_integer_ratio())
+
+
 def rational(matrix: npt.ArrayLike) -> Array:
     """Exact rationals of a matrix of numbers or of decimal texts, entry by entry."""
     return np.asarray(np.vectorize(rational_number, otypes=[object])(np.asarray(matrix, dtype=object)))
@@ -186,8 +203,8 @@ def rational(matrix: npt.ArrayLike) -> Array:
 def printed(value: Any) -> Any:
     """Rational, or matrix of rationals, of the decimals that print the nearest doubles: what a file can hold."""
     if isinstance(value, np.ndarray):
-        return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(value))
-    return rational_number(repr(float(value)))
+        return np.asarray(np.vectorize(printed, otypes=[object])(value))
+    return decimal_number(repr(float(value)))
 
 
 def approximate(value: fmpq) -> float:
