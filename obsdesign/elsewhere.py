@@ -45,7 +45,7 @@ FAR = (
 Design = Callable[[Spec, Engine], Outcome]
 
 
-class EndedError(UndecidedError):
+class EndedError(Exception):
     """A trial ends where the search for a reason begins: it has no solution, as far as a solver tells."""
 
 
@@ -170,7 +170,7 @@ def trial(spec: Spec, engine: Engine, design: Design) -> Outcome | None:
 
     def report(_: float, doing: str) -> None:
         if doing == "diagnosis":
-            raise EndedError("a trial has no diagnosis", id="OBS507")
+            raise EndedError
 
     inner = Engine(engine.solver, report)
     try:

@@ -8,6 +8,7 @@ from support.rods import RODS, almost_exact, family, random_plant, rod, rod_spec
 
 import obsdesign as od
 from obsdesign.dissipation import gain
+from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.elimination import central_gains, form_of, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental import design
@@ -337,3 +338,19 @@ def test_where_no_search_finds_the_limit_a_central_gain_is_proved(objective, mon
         assert limit["gamma"] < gamma < 1.06 * limit["gamma"]
     else:
         assert gamma == objective["gamma"]
+
+
+def test_with_f_too_a_word_is_not_believed_where_an_equation_has_scales_with_a_solution(monkeypatch):
+    infeasible = Answer(Status.INFEASIBLE)
+    monkeypatch.setattr("obsdesign.dissipation.engine.minimise", lambda *_, **__: infeasible)
+    monkeypatch.setattr("obsdesign.dissipation.gain.least_gamma", lambda *_, **__: None)
+    plant = {"system": {"A": [[0, 1], [-2, -1]], "B": [[0, 0], [1, 0]], "C": [[1, 0]], "D": [[0, 0.2]]}}
+    wide, narrow = ([{"type": {"slope": [0, k]}, "Bf": [[0], [1]], "Cq": [[0, 1]]}] for k in (300, 0.5))
+    hard, easy = (
+        od.Spec(**plant, nonlinearities=f, observer={"type": "l2", "alpha": 0.2, "L2": 0}) for f in (wide, narrow)
+    )
+    made = od.solve(easy)
+    assert made.status == "certified"
+    assert made.claim.holds
+    answer = gain.believed(Engine(), in_floats(posed(hard)), infeasible, NO_BOUNDS)
+    assert answer.status is Status.INFEASIBLE

@@ -5,51 +5,100 @@ it there are central gains all the same, and the proof of one in rationals asks 
 as one is proved: an upper bound of the limit, and a gain that has it.
 """
 
-import math
+from collections.abc import Iterator
+from itertools import pairwise, product
+
+import numpy as np
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.decimals import round_up, significant
 from obsdesign.dissipation.elimination import form_of, proved_central
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import sizes
-from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.dissipation.scan import edge, strides
-from obsdesign.lmi.formula import in_floats
+from obsdesign.lmi.equilibrate import units
+from obsdesign.lmi.formula import Array, Float, in_floats, printed
+from obsdesign.riccati.central import sizes, solution
 from obsdesign.riccati.form import UnclearError
 
-START = 1e6  # times the size of gamma by the data of the plant, from where it is lowered or raised
+START = 1e9  # times the size of gamma by the data of the plant, from where it is lowered or raised
 STEP, STEPS = 1e-2, 12  # of gamma, down as long as a central gain is proved or up until one is
 CLOSE = 0.02  # relative, to which the least is found
 DIGITS = 6  # of gamma
+ON_STATES, ON_OUTPUTS = 1e-4, (0.0, 1e-2)  # noises with which scales are tried
+DECADES = (0, -1, 1, -2, 2, -3, 3)  # of 100: scales of multipliers that are tried, times what the data suggest
+MOST, KEPT = 2, 4  # scales of a family, and choices of them that are kept
+Scales = dict[str, Array]
 
 
-def told(engine: Engine, family: Incremental) -> bool:
-    """Whether central gains of a family may be tried: it has no scales, whose least gamma is not known here."""
-    return engine.equations and not family.multiplier.unknowns() and form_of(in_floats(family)) is not None
+def scaled(family: Incremental) -> Iterator[Float]:
+    """Scales with which there is a solution for a large gamma, per mu, those that the data suggest first.
 
-
-def least_proved(engine: Engine, family: Incremental, bounds: Bounds) -> float | None:
-    """About the least gamma that a central gain is proved to reach; None where none is proved, or it has no end.
-
-    `family`: in rationals, without f; `bounds`: of the spec on P and on the poles.
+    `family`: in doubles. What f_j does is weighed against what v does: lambda_j = mu (|Bf_j| / |B|)^2 by the data.
     """
-    if not told(engine, family):
+    names, p = family.multiplier.unknowns(), family.plant
+    try:
+        form = form_of(family) if len(names) <= MOST and p.B.shape[1] else None
+        if form is None or len(form.Qs) != len(names):
+            return
+        ends = np.cumsum([0, *(block.nf for block in family.multiplier.blocks)])
+        if len(ends) != len(names) + 1:
+            return
+        acts = np.array([np.linalg.norm(p.Bf[:, a:b]) for a, b in pairwise(ends)])
+        data, mu = (acts / (np.linalg.norm(p.B) or 1.0)) ** 2, largest(family) ** 2
+        weight = 1.0 if family.about.peak else mu
+        for powers in sorted(product(DECADES, repeat=len(names)), key=lambda tried: sum(map(abs, tried))):
+            chosen = np.where(data > 0, data, 1.0) * 100.0 ** np.array(powers, dtype=float)
+            balanced, _ = form.scaled(weight * chosen).balanced()
+            on_states, on_outputs = sizes(balanced)
+            for outputs in ON_OUTPUTS:
+                noisy = balanced.noisy(np.full(form.n, ON_STATES * on_states), outputs * on_outputs)
+                if solution(noisy, weight, lambda _: True) is not None:
+                    yield chosen
+                    break
+    except (UnclearError, np.linalg.LinAlgError):
+        return
+
+
+def largest(family: Incremental) -> float:
+    """Gamma from where it is lowered or raised: far above its size by the data."""
+    return START * float(np.sqrt(units(family.least_gamma())["mu"].item()))
+
+
+def least_proved(engine: Engine, family: Incremental, bounds: Bounds) -> tuple[float, Scales] | None:
+    """About the least gamma that a central gain is proved to reach, and its scales, by name and for mu1 = 1.
+
+    None where none is proved, or gamma has no end. `family`: in rationals; `bounds`: on P and on the poles.
+    """
+    fixed = in_floats(family)
+    if not engine.equations or form_of(fixed) is None:
         return None
-    start = START * sizes(in_floats(family))[1]
+    names = [unknown.name for unknown in family.multiplier.unknowns()]
+    choices = [np.zeros(0)] if not names else [s for s, _ in zip(scaled(fixed), range(KEPT), strict=False)]
+    found: dict[float, Scales] = {}
 
     def holds(gamma: float) -> bool:
-        return proved(engine, family, gamma, bounds) is not None
+        for chosen in choices:
+            weight = 1.0 if family.about.peak else gamma**2
+            scales = {n: printed(significant(weight * s * ONE, DIGITS)) for n, s in zip(names, chosen, strict=True)}
+            if proved(engine, family, gamma, bounds, scales) is not None:
+                found[gamma] = scales
+                return True
+        return False
 
-    inside, outside = strides(holds, start, STEP, STEPS)
-    return None if inside is None or outside is None else round_up(edge(holds, inside, outside, CLOSE), DIGITS)
-
-
-def proved(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
-    """Certificate of a central gain for a gamma; None where none is proved."""
-    if not math.isfinite(gamma):
+    inside, outside = strides(holds, largest(fixed), STEP, STEPS) if choices else (None, None)
+    if inside is None or outside is None:
         return None
+    least = edge(holds, inside, outside, CLOSE)
+    return round_up(least, DIGITS), found[least]
+
+
+def proved(
+    engine: Engine, family: Incremental, gamma: float, bounds: Bounds, scales: Scales | None
+) -> Certificate | None:
+    """Certificate of a central gain for a gamma; None where none is proved."""
     try:
-        return proved_central(engine, family, gamma, bounds)
+        return proved_central(engine, family, gamma, bounds, scales)
     except UnclearError:
         return None

@@ -289,16 +289,17 @@ def gain_above(engine: Engine, family: Incremental, gamma: float) -> Float | Non
     return None if found is None else per_step(family) * found
 
 
-def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
+def proved_central(
+    engine: Engine, family: Incremental, gamma: float, bounds: Bounds, scales: Values | None = None
+) -> Certificate | None:
     """Certificate of the first central gain that is proved to reach gamma; None if none is.
 
-    `family`: in rationals, its scales those of the least gamma; `bounds`: of the spec on P and on the poles.
+    `family`: in rationals; `bounds`: on P and on the poles; `scales`: for mu1 = 1; None: those of the least gamma.
     """
-    scales = scales_of(engine, family)
+    scales = scales_of(engine, family) if scales is None else scales
     if scales is None:
         return None
-    level = printed(gamma)
-    mu = square_below(level)
+    level, mu = printed(gamma), square_below(printed(gamma))
     for found in central_gains(family, gamma, array(scales)):
         for digits, of_P in zip(DIGITS, OF_P, strict=True):
             values = {**rounded({"P": found.P}, of_P), **scales}

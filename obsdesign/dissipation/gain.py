@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
+from obsdesign.dissipation.central import scaled
 from obsdesign.dissipation.decimals import round_up, significant
 from obsdesign.dissipation.elimination import SEARCHED, least_gamma
 from obsdesign.dissipation.engine import Engine
@@ -65,7 +66,7 @@ def believed(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds
 
     Without f there is one wherever no hidden mode is too slow. With f, one of a moderate size is searched: where
     outputs are all but free of noise, the gains near the limit are of another size than P, and a solver calls that
-    infeasible.
+    infeasible. Then scales with which a Riccati equation has a solution.
     """
     if answer.status is not Status.INFEASIBLE or family.L1 is not None or bounds.L1 is not None or bounds.poles:
         return answer
@@ -74,6 +75,7 @@ def believed(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds
     largest, linear = sizes(family)[0], not family.plant.Bf.any()
     within = (engine.minimise(family.least_gamma(sized(bounds, step * largest))) for step in MODERATE)
     found = linear or any(one.status is Status.OPTIMAL for one in within)
+    found = found or (engine.equations and next(scaled(family), None) is not None)
     return replace(answer, status=Status.UNDECIDED) if found else answer
 
 

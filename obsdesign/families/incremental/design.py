@@ -179,11 +179,11 @@ class Designer:
         status = Verdict.CERTIFIED if proof and proof.holds else Verdict.UNCERTIFIED
         return Outcome(status, doubles(candidate), proof)
 
-    def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
-        """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
+    def central(self, family: Incremental, gamma: float, why: str, scales: Values | None = None) -> Outcome | None:
+        """Central gains that are proved, and a note on why it is them; None: none is, or bounds ask for others."""
         if not self.engine.equations or self.request.bounds.restricted:
             return None
-        certificate = proved_central(self.engine, family, gamma, self.request.kept)
+        certificate = proved_central(self.engine, family, gamma, self.request.kept, scales)
         made = certificate and self.claimed(certificate.family, certificate)
         if not certificate or not made or made.status is not Verdict.CERTIFIED:
             return None
@@ -206,7 +206,7 @@ class Designer:
     def instead(self, why: str) -> Outcome | None:
         """Central gain with about the least gamma that one is proved to reach; None where none is."""
         known = None if self.range else self.limits.proved(replace(self.family, rate=self.lowest))
-        made = known and self.central(self.family, known[0], f"the limit is not known; {why}")
+        made = known and self.central(self.family, known[0], f"the limit is not known; {why}", known[2])
         return replace(made, limit=known[1], notes=tuple(self.notes)) if known and made else None
 
     @property

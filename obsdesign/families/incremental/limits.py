@@ -7,7 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.central import least_proved
+from obsdesign.dissipation.central import Scales, least_proved
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
@@ -124,23 +124,25 @@ class Limits:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
 
-    def proved(self, family: Incremental) -> tuple[float, dict[str, Any]] | None:
-        """Gamma to be certified, and the limit, by what central gains are proved to reach: where nothing else tells.
+    def proved(self, family: Incremental) -> tuple[float, dict[str, Any], Scales | None] | None:
+        """Gamma to be certified, the limit and scales, by what central gains are proved to reach: nothing else tells.
 
         `family`: in rationals, at its rate. None: they tell nothing, or more is bounded than gamma.
         """
-        request, unknown = self.request, {"attained": False}
+        request, unknown, linear = self.request, {"attained": False}, not family.multiplier.unknowns()
         asked = request.gamma if request.gamma is not None else request.bounds.gamma
         if request.bounds.restricted or request.gains:
             return None
-        if asked is not None or not family.plant.B.shape[1]:
-            return (1.0 if asked is None else float(asked)), unknown
-        least = least_proved(self.engine, family, request.kept)
-        if least is None:
+        if linear and (asked is not None or not family.plant.B.shape[1]):
+            return (1.0 if asked is None else float(asked)), unknown, None
+        found = least_proved(self.engine, family, request.kept)
+        if found is None:
             return None
         self.engine.eliminated = True
+        least, scales = found
         target = EASY * least if request.objective == "feasibility" else Level(least).target(float(request.slack))
-        return target, {"gamma": least, "attained": True, **BEST_FOUND}
+        target = target if asked is None else float(asked)
+        return (target, {"gamma": least, "attained": True, **BEST_FOUND}, scales) if target >= least else None
 
     def moderate(self, search: Incremental) -> float:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one.
