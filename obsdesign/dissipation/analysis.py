@@ -21,6 +21,7 @@ import numpy as np
 
 from obsdesign.dissipation.areas import largest_area, worst_area
 from obsdesign.dissipation.modes import EXPONENTIALS, INSIDE, LARGE, ROUNDING, Modes
+from obsdesign.dissipation.steps import exact_step, explicit_steps
 from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.plant import Plant
@@ -29,8 +30,6 @@ from obsdesign.records import dataclass
 MOST = 81  # members
 ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of the opposite ones
 STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where there is no upper bound
-STEPS, FEWER_STEPS = 60, 15  # .. of small systems and of large ones
-FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
 STARTS = 8  # members from which extreme ones are sought, in as many steps as
 ASCENTS = 8
 
@@ -178,36 +177,11 @@ class Errors:
 
     def exact_step(self, unit: float | None) -> float | None:
         """Largest step of the discretisation that holds f and is exact otherwise; None: any, as far as was tried."""
-        from scipy.linalg import expm
-
-        if not self.modes.stable(self.poles):
+        if unit is None or not self.modes.stable(self.poles):
             return None
-        p, n = self.plant, self.plant.n
-        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.distinct]
-        if unit is None or not np.any(forced):
-            return None
-        generator = np.block([[p.A + self.L1 @ p.C, np.eye(n)], [np.zeros((n, 2 * n))]])
-
-        steps, halvings = (STEPS, 20) if n < LARGE else (FEWER_STEPS, 12)
-
-        def unstable(h: float) -> bool:
-            E = expm(h * generator)
-            return any(np.abs(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ F)).max() > 1 + INSIDE for F in forced)
-
-        start = unit / 10
-        while unstable(start):
-            start /= 10
-        low = start
-        for high in (start * np.geomspace(1, unit / start * FARTHEST, steps)).tolist():
-            if unstable(high):
-                break
-            low = high
-        else:
-            return None
-        for _ in range(halvings):
-            middle = (low + high) / 2
-            low, high = (low, middle) if unstable(middle) else (middle, high)
-        return low
+        p = self.plant
+        slopes = np.array([F @ (p.Cq + self.L2 @ p.C) for F in self.distinct])
+        return exact_step(p.A + self.L1 @ p.C, p.Bf + self.L1 @ p.Df, slopes, unit)
 
     def noise_gain(self) -> dict[str, float]:
         """Largest gain over frequency from n to each estimate; empty where a pole is not stable."""
@@ -317,17 +291,3 @@ def ball_of(block: Block) -> tuple[Array, Array, Array] | None:
     values, vectors = np.linalg.eigh(M11 + M12 @ center)
     S = np.linalg.inv(np.linalg.cholesky(R)).T
     return center, S, np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
-
-
-def explicit_steps(poles: Array) -> dict[str, float | None]:
-    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; zero if none is, None without a pole."""
-    found = poles[EXPONENTIALS.decay(poles)]
-    if not found.size:
-        return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
-    euler = -2 * found.real / np.abs(found) ** 2
-    found = found[np.abs(found) >= np.abs(found).max() / 2]  # all s h of the left half plane within 2 are stable
-    towards, which = np.unique(found.real / np.abs(found) + 1j * np.abs(found.imag / found), return_inverse=True)
-    z = np.linspace(0, 4, 4001) * towards[:, None]
-    outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
-    rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1][which] / np.abs(found)
-    return {"euler": float(euler.min()), "rk4": float(rk4.min())}

@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.frequencies import angles, around, distinct, largest
+from obsdesign.dissipation.frequencies import angles, around, distinct, largest, largest_apart
+from obsdesign.dissipation.residues import Residues
 from obsdesign.lmi.formula import Array, identity
 
 INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
@@ -39,8 +40,12 @@ class Modes(ABC):
         """Which modes decay, beyond what is rounded."""
 
     @abstractmethod
+    def about(self, poles: Array) -> Array:
+        """Frequencies at which a response can be large: about poles, and zero."""
+
     def frequencies(self, A: Array) -> Array:
-        """Frequencies at which a response can be large: about the poles of a matrix, and zero."""
+        """The same about the poles of a matrix."""
+        return self.about(np.linalg.eigvals(A))
 
     @abstractmethod
     def place(self, omega: Array) -> Array:
@@ -104,13 +109,25 @@ class Modes(ABC):
 
         return response
 
+    def residues(self, A: Array, B: Array, H: Array | None = None) -> Residues | None:
+        """Response of z = H e, or of e, of a large A as a sum over its modes; None where there is no such."""
+        return Residues.of(A, B, H) if len(A) >= LARGE else None
+
     def amplitudes(self, A: Array, B: Array) -> Array:
         """Largest amplitude of each entry of e over frequency, for an input that is a sinusoid with |v| = 1."""
+        if found := self.residues(A, B):
+            return largest_apart(
+                lambda omega: found.amplitudes(self.place(omega)),
+                lambda omega: found.own(self.place(omega)),
+                self.about(found.poles),
+            )
         response = self.responses(A, B)
         return largest(lambda omega: np.linalg.norm(response(omega), axis=2), self.frequencies(A))
 
     def gain(self, A: Array, B: Array, H: Array) -> float:
         """Largest singular value of the response of z = H e over frequency."""
+        if found := self.residues(A, B, H):
+            return float(largest(lambda omega: found.gains(self.place(omega)), self.about(found.poles)).item())
         response = self.responses(A, B)
 
         def sizes(omega: Array) -> Array:
@@ -135,9 +152,9 @@ class Exponentials(Modes):
         """Left of the imaginary axis, relative to the largest pole."""
         return np.asarray(poles.real < -slack * np.abs(poles).max(initial=0.0))
 
-    def frequencies(self, A: Array) -> Array:
+    def about(self, poles: Array) -> Array:
         """In rad/s."""
-        return around(np.linalg.eigvals(A))
+        return around(poles)
 
     def place(self, omega: Array) -> Array:
         """On the imaginary axis."""
@@ -167,7 +184,8 @@ class Exponentials(Modes):
         residues = residues * np.where(values.imag > 0, 2, 1)
         decaying = np.exp(values.real[:, None] * t)
         angle = values.imag[:, None] * t
-        return residues.real @ (decaying * np.cos(angle)) - residues.imag @ (decaying * np.sin(angle)), widths(t)
+        both = np.concatenate([residues.real, -residues.imag], axis=-1)
+        return both @ np.concatenate([decaying * np.cos(angle), decaying * np.sin(angle)]), widths(t)
 
 
 def courses(modes: set[tuple[float, int]]) -> list[Array]:
@@ -178,8 +196,8 @@ def courses(modes: set[tuple[float, int]]) -> list[Array]:
     if sum(count for _, count in modes) <= MOST_INSTANTS:
         return [np.linspace(0, end, count) for end, count in modes]
     pieces, start, left = [], 0.0, sorted(modes)
-    for k, (end, _) in enumerate(left):
-        step = min(last / (count - 1) for last, count in left[k:])
+    steps = np.array([last / (count - 1) for last, count in left])
+    for (end, _), step in zip(left, np.minimum.accumulate(steps[::-1])[::-1].tolist(), strict=True):
         pieces.append(np.linspace(start, end, 1 + ceil((end - start) / step)))
         start = end
     return pieces
@@ -198,9 +216,9 @@ class Powers(Modes):
         """Within the unit circle."""
         return np.asarray(np.abs(poles) < 1 - slack)
 
-    def frequencies(self, A: Array) -> Array:
+    def about(self, poles: Array) -> Array:
         """In rad a sample."""
-        return angles(np.linalg.eigvals(A))
+        return angles(poles)
 
     def place(self, omega: Array) -> Array:
         """On the unit circle."""

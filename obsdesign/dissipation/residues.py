@@ -1,0 +1,53 @@
+"""Responses of large systems as sums over their modes: C (s I - A)^-1 B is the sum of C v_k w_k' B / (s - s_k).
+
+Once the modes are known, a frequency costs as many products as A has entries, and an output at a frequency of its own
+as many as there are modes.
+"""
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
+
+ILL = (
+    1e6  # condition of the modes, from which their sum is not used: A is as rounded by this times a double's precision
+)
+
+
+@dataclass(frozen=True)
+class Residues:
+    """Response of z = C e to v, of e' = A e + B v or of e+ = A e + B v, whose modes are well apart."""
+
+    poles: Array  # (n,)
+    outputs: Array  # C V, (nz, n)
+    inputs: Array  # V^-1 B, (n, nv)
+
+    @classmethod
+    def of(cls, A: Array, B: Array, C: Array | None = None) -> "Residues | None":
+        """Of matrices, C the identity if it is not given; None where the modes are too close to be told apart."""
+        poles, V = np.linalg.eig(A)
+        if not np.linalg.cond(V) < ILL:
+            return None
+        return cls(poles, V if C is None else C @ V, np.linalg.solve(V, B))
+
+    def at(self, s: Array) -> Array:
+        """Response at some s, (nv, count, nz)."""
+        shares = 1 / (s[:, None] - self.poles)
+        return np.stack([(shares * each) @ self.outputs.T for each in self.inputs.T])
+
+    def amplitudes(self, s: Array) -> Array:
+        """Norm of the response of each z, (count, nz)."""
+        z = self.at(s)
+        return np.asarray(np.sqrt((z.real**2 + z.imag**2).sum(axis=0)))
+
+    def own(self, s: Array) -> Array:
+        """The same where each z has frequencies of its own, (count, nz) as they."""
+        z = (self.outputs / (s[..., None] - self.poles)) @ self.inputs
+        return np.asarray(np.sqrt((z.real**2 + z.imag**2).sum(axis=-1)))
+
+    def gains(self, s: Array) -> Array:
+        """Largest singular value of the response, (count, 1)."""
+        z = self.at(s).transpose(1, 0, 2)
+        if z.shape[1] > z.shape[2]:
+            z = z.transpose(0, 2, 1)
+        return np.sqrt(np.maximum(np.linalg.eigvalsh(z @ z.conj().transpose(0, 2, 1))[:, -1:], 0))
