@@ -36,6 +36,7 @@ from obsdesign.lmi.formula import (
     he,
     identity,
     in_floats,
+    product,
     symmetric,
     zeros,
 )
@@ -109,12 +110,10 @@ class Incremental(ABC):
     def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
         """(13) for the weight of |z|^2 and the supply m, P > 0, and membership of the multiplier."""
         v = {**v, "Y": self.injected(v)}
+        rises = self.dissipation(v, weight * product(self.H.mT, self.H), supply)
+        strict = self.about.at_rest == "strict" and not self.rate
         return [
-            Inequality(
-                self.about.decrease,
-                self.dissipation(v, weight * (self.H.mT @ self.H), supply),
-                strict=self.about.at_rest == "strict" and not self.rate,
-            ),
+            Inequality(self.about.decrease, rises, strict=strict),
             Inequality(POSITIVE, -v["P"], strict=True),
             *self.multiplier.inequalities(v),
         ]
@@ -128,7 +127,7 @@ class Incremental(ABC):
         p, P, Y = self.plant, v["P"], v["Y"]
         none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
         rise = np.concatenate([P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1)
-        stored = symmetric([[he(P @ p.A + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
+        stored = symmetric([[he(product(P, p.A) + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
         return stored_and_supplied(stored, self.supplied(v, Q, m))
 
     @property

@@ -35,8 +35,10 @@ def congruence(N: fmpz_mat) -> fmpz_mat | None:
     if any(rows[i][i] <= 0 for i in range(n)):
         return None
     half = [rows[i][i].bit_length() // 2 for i in range(n)]
+    scaled: Array = np.zeros((n, n))  # its lower triangle, which is what is factorised
     try:
-        scaled = np.array([[shifted(rows[i][j], half[i] + half[j]) for j in range(n)] for i in range(n)])
+        for i in range(n):
+            scaled[i, : i + 1] = [shifted(rows[i][j], half[i] + half[j]) for j in range(i + 1)]
         inverse: Float = np.linalg.inv(np.linalg.cholesky(scaled)).T
     except (np.linalg.LinAlgError, OverflowError):
         return None

@@ -10,6 +10,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
 from operator import add
@@ -17,13 +18,14 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
 Array = npt.NDArray[Any]
 Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
 Float = npt.NDArray[np.float64]  # of doubles: what a solver takes, and what judges structure
 Values = Mapping[str, Array]
 T = TypeVar("T")
+MANY = 4096  # products of rationals, from which a product of matrices is one of integers
 CANCELLED = 1e-13  # of the terms of a sum of doubles: what is left of them where they cancel
 
 
@@ -167,13 +169,27 @@ def zeros(shape: tuple[int, ...], like: Sequence[Array]) -> Array:
 
 def identity(n: int, like: Array) -> Array:
     """Identity matrix in the numbers of the given array."""
-    return rational(np.eye(n)) if like.dtype == object else np.eye(n)
+    if like.dtype != object:
+        return np.eye(n)
+    made = zeros((n, n), [like])
+    np.fill_diagonal(made, fmpq(1))
+    return made
+
+
+def product(X: Array, Y: Array) -> Array:
+    """X @ Y; of large rational matrices by a product of integers, over their common denominators."""
+    if X.dtype != object or Y.dtype != object or X.size * Y.shape[-1] < MANY:
+        return np.asarray(X @ Y)
+    made = fmpq_mat(*X.shape, X.ravel().tolist()) * fmpq_mat(*Y.shape, Y.ravel().tolist())
+    return np.array(made.entries(), dtype=object).reshape(len(X), Y.shape[1])
 
 
 def rational_number(value: Any) -> fmpq:
     """Exact rational of a decimal or "p/q" text, an integer, a fraction, or a double (its binary value)."""
     if isinstance(value, fmpq):
         return value
+    if isinstance(value, float):
+        return fmpq(*value.as_integer_ratio())
     fraction = Fraction(value)
     return fmpq(fraction.numerator, fraction.denominator)
 
@@ -183,11 +199,24 @@ def rational(matrix: npt.ArrayLike) -> Array:
     return np.asarray(np.vectorize(rational_number, otypes=[object])(np.asarray(matrix, dtype=object)))
 
 
+def decimal(text: str) -> fmpq:
+    """Exact rational of a decimal text, sooner than `rational_number`. Raises `ValueError`: it is no finite number."""
+    number = Decimal(text)
+    if not number.is_finite():
+        raise ValueError(f"{text} is no finite number")
+    return fmpq(*number.as_integer_ratio())
+
+
+def decimals(matrix: Array, text: Callable[[float], str]) -> Array:
+    """Rationals of a matrix of doubles, each as a text of it is read."""
+    return np.asarray(np.vectorize(lambda x: decimal(text(x)), otypes=[object])(matrix))
+
+
 def printed(value: Any) -> Any:
     """Rational, or matrix of rationals, of the decimals that print the nearest doubles: what a file can hold."""
     if isinstance(value, np.ndarray):
-        return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(value))
-    return rational_number(repr(float(value)))
+        return decimals(value, lambda x: repr(float(x)))
+    return decimal(repr(float(value)))
 
 
 def approximate(value: fmpq) -> float:
