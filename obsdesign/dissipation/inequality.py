@@ -323,9 +323,8 @@ class Incremental(ABC):
     @property
     def injection(self) -> Injection | None:
         """Y enters (13) as He([I; 0] Y [C Df -D]), where it is unknown."""
-        return (
-            None if self.L1 is not None else Injection("Y", np.eye(self.residual.shape[1], self.plant.n), self.residual)
-        )
+        output = self.residual
+        return None if self.L1 is not None else Injection("Y", np.eye(output.shape[1], self.plant.n), output)
 
     @property
     def residual(self) -> Array:

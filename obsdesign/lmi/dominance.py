@@ -10,7 +10,7 @@ from math import ldexp
 import numpy as np
 from flint import fmpq_mat, fmpz, fmpz_mat
 
-from obsdesign.lmi.formula import Array, Float
+from obsdesign.lmi.formula import Array
 
 BITS = 22  # of T, below its largest entry
 KEPT = 64  # leading bits of an integer that make its double
@@ -39,7 +39,7 @@ def congruence(N: fmpz_mat) -> fmpz_mat | None:
     try:
         for i in range(n):
             scaled[i, : i + 1] = [shifted(rows[i][j], half[i] + half[j]) for j in range(i + 1)]
-        inverse: Float = np.linalg.inv(np.linalg.cholesky(scaled)).T
+        inverse: Array = np.linalg.inv(np.linalg.cholesky(scaled)).T
     except (np.linalg.LinAlgError, OverflowError):
         return None
     if not np.isfinite(inverse).all():

@@ -25,7 +25,6 @@ Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
 Float = npt.NDArray[np.float64]  # of doubles: what a solver takes, and what judges structure
 Values = Mapping[str, Array]
 T = TypeVar("T")
-MANY = 4096  # products of rationals, from which a product of matrices is one of integers
 CANCELLED = 1e-13  # of the terms of a sum of doubles: what is left of them where they cancel
 
 
@@ -124,6 +123,14 @@ def he(X: Array) -> Array:
     return X + X.mT
 
 
+def product(X: Array, Y: Array) -> Array:
+    """Return X @ Y; of two rational matrices through integers over one denominator each, which large ones ask for."""
+    if X.ndim != 2 or Y.ndim != 2 or X.dtype != object or Y.dtype != object or not X.size or not Y.size:
+        return np.asarray(X @ Y)
+    made = fmpq_mat(*X.shape, X.ravel().tolist()) * fmpq_mat(*Y.shape, Y.ravel().tolist())
+    return np.array(made.entries(), dtype=object).reshape(len(X), Y.shape[1])
+
+
 def combined(*pairs: tuple[Array, Array]) -> Array:
     """Sum of products; of doubles without what is left of terms that cancel, which has a size but no meaning."""
     made = reduce(add, (X @ Y for X, Y in pairs))
@@ -174,14 +181,6 @@ def identity(n: int, like: Array) -> Array:
     made = zeros((n, n), [like])
     np.fill_diagonal(made, fmpq(1))
     return made
-
-
-def product(X: Array, Y: Array) -> Array:
-    """X @ Y; of large rational matrices by a product of integers, over their common denominators."""
-    if X.dtype != object or Y.dtype != object or X.size * Y.shape[-1] < MANY:
-        return np.asarray(X @ Y)
-    made = fmpq_mat(*X.shape, X.ravel().tolist()) * fmpq_mat(*Y.shape, Y.ravel().tolist())
-    return np.array(made.entries(), dtype=object).reshape(len(X), Y.shape[1])
 
 
 def rational_number(value: Any) -> fmpq:
