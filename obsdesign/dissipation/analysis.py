@@ -21,6 +21,7 @@ import numpy as np
 
 from obsdesign.dissipation.areas import largest_area, worst_area
 from obsdesign.dissipation.modes import EXPONENTIALS, INSIDE, LARGE, ROUNDING, Modes
+from obsdesign.dissipation.residues import Spectrum
 from obsdesign.dissipation.steps import exact_step, explicit_steps
 from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
@@ -155,8 +156,16 @@ class Errors:
         ]
 
     @cached_property
+    def spectra(self) -> list[Spectrum | None]:
+        """Modes of each of these, of large ones whose modes are well apart; None of the others."""
+        return [Spectrum.of(A) if len(A) >= LARGE else None for A, _, _ in self.systems]
+
+    @cached_property
     def poles(self) -> Array:
         """Poles of each member, (m, n)."""
+        known = [one.poles for one in self.spectra if one]
+        if known and len(known) == len(self.systems):
+            return np.array(known)
         return np.linalg.eigvals(np.array([A for A, _, _ in self.systems]))
 
     @property
@@ -187,7 +196,8 @@ class Errors:
         """Largest gain over frequency from n to each estimate; empty where a pole is not stable."""
         if not self.modes.stable(self.poles):
             return {}
-        found = np.max([self.modes.amplitudes(A, N) for A, _, N in self.systems], axis=0).tolist()
+        known = zip(self.systems, self.spectra, strict=True)
+        found = np.max([self.modes.amplitudes(A, N, modes) for (A, _, N), modes in known], axis=0).tolist()
         return dict(zip(self.plant.states, found, strict=False))
 
     def noise_norms(self, E: Array) -> Array | None:
@@ -198,13 +208,15 @@ class Errors:
         """
         if not self.bounded or not self.modes.stable(self.poles):
             return None
-        return np.asarray(np.max([self.modes.norms(A, N, E) for A, _, N in self.systems], axis=0))
+        known = zip(self.systems, self.spectra, strict=True)
+        return np.asarray(np.max([self.modes.norms(A, N, E, modes) for (A, _, N), modes in known], axis=0))
 
     def energy_gain(self) -> float | None:
         """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""
         if not self.bounded or not self.modes.stable(self.poles):
             return None
-        return max((self.modes.gain(A, B, self.H) for A, B, _ in self.systems), default=0.0)
+        known = zip(self.systems, self.spectra, strict=True)
+        return max((self.modes.gain(A, B, self.H, modes) for (A, B, _), modes in known), default=0.0)
 
     def channel_gains(self, *, peaks: bool) -> list[float] | None:
         """Gain from each v alone to z, the worst over the members: of energy, or of peaks; None as in `energy_gain`."""
@@ -228,14 +240,14 @@ class Errors:
         aligned with it attain it, and it is no more than the gain from sup|v| to sup|z|.
         """
         stable = [
-            (A, B)
-            for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
+            (A, B, known)
+            for (A, B, _), known, poles in zip(self.systems, self.spectra, self.poles, strict=True)
             if self.modes.decay(poles, ROUNDING).all()
         ]
         with np.errstate(all="ignore"):
             if self.plant.n >= LARGE and not self.modes.sampled:
                 return worst_area(EXPONENTIALS.impulse, stable, self.H)
-            found = [largest_area(*self.impulse(A, B)) for A, B in stable]
+            found = [largest_area(*self.impulse(A, B)) for A, B, _ in stable]
         return max((peak for peak in found if np.isfinite(peak)), default=None)
 
     def impulse(self, A: Array, B: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Peaks of z for peaks of v: the integral over time of the norm of an impulse response, in the worst direction of z."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -63,24 +64,24 @@ def largest_areas(h: Array, widths: Array, tried: Array, count: int) -> tuple[Ar
 
 
 def worst_area(
-    impulse: Callable[[Array, Array, Array, int], tuple[Array, Array]], systems: Sequence[tuple[Array, Array]], H: Array
+    impulse: Callable[..., tuple[Array, Array]], systems: Sequence[tuple[Any, ...]], H: Array
 ) -> float | None:
-    """Largest area of some systems (A, B) with z = H e, no more than that of the worst; None where none is finite.
+    """Largest area of some systems with z = H e, no more than that of the worst; None where none is finite.
 
-    A few instants tell which one it is of, and in which directions. `impulse`: response of a system, in the last
-    argument of how many instants one is looked at.
+    A few instants tell which one it is of, and in which directions. `systems`: of each A and B, and what else is known
+    of it; `impulse`: response of A and B with H, of how many instants one is looked at, and of what else is known.
     """
     worst, found = -1.0, None
-    for A, B in systems:
-        h, widths = impulse(A, B, H, len(A) // FEWER)
+    for A, B, *known in systems:
+        h, widths = impulse(A, B, H, len(A) // FEWER, *known)
         tried = directions(h, widths) if h.size else None
         if tried is None:
             continue
         sizes, places = largest_areas(h, widths, tried, FEW)
         if sizes[-1] > worst:
-            worst, found = float(sizes[-1]), (A, B, tried[places])
+            worst, found = float(sizes[-1]), (A, B, known, tried[places])
     if found is None:
         return 0.0 if systems and not (systems[0][1].size and len(H)) else None
-    A, B, tried = found
-    h, widths = impulse(A, B, tried @ H, 1)
+    A, B, known, tried = found
+    h, widths = impulse(A, B, tried @ H, 1, *known)
     return float(np.sqrt((h**2).sum(axis=0)).dot(widths).max())

@@ -13,7 +13,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.frequencies import angles, around, distinct, largest, largest_apart
-from obsdesign.dissipation.residues import Residues
+from obsdesign.dissipation.residues import Residues, Spectrum
 from obsdesign.lmi.formula import Array, identity
 
 INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
@@ -62,12 +62,18 @@ class Modes(ABC):
     def covariance(self, A: Array, W: Array) -> Array:
         """Covariance of e at rest, driven by white noise of the intensity W, (n, n), or in samples the covariance W."""
 
-    def norms(self, A: Array, N: Array, E: Array) -> Array:
+    @abstractmethod
+    def overlap(self, poles: Array) -> Array:
+        """Integral over time, or the sum, of each mode times the conjugate of each, (n, n)."""
+
+    def norms(self, A: Array, N: Array, E: Array, known: Spectrum | None = None) -> Array:
         """H2 norm from each n to each row of E e: rms for white noise of density 1, or in samples of rms 1.
 
         A (n, n) is stable; N (n, m), E (k, n); returns (k, m). In balanced coordinates, where a Lyapunov equation keeps
-        its digits although the units of the states differ by orders.
+        its digits although the units of the states differ by orders. `known`: the modes of A, of which it is a sum.
         """
+        if known:
+            return known.residues(N, E).norms(self.overlap(known.poles))
         from scipy.linalg import matrix_balance
 
         balanced, (units, _) = matrix_balance(A, permute=False, separate=True)
@@ -109,13 +115,14 @@ class Modes(ABC):
 
         return response
 
-    def residues(self, A: Array, B: Array, H: Array | None = None) -> Residues | None:
+    def residues(self, A: Array, B: Array, H: Array | None, known: Spectrum | None) -> Residues | None:
         """Response of z = H e, or of e, of a large A as a sum over its modes; None where there is no such."""
-        return Residues.of(A, B, H) if len(A) >= LARGE else None
+        known = known or (Spectrum.of(A) if len(A) >= LARGE else None)
+        return known.residues(B, H) if known else None
 
-    def amplitudes(self, A: Array, B: Array) -> Array:
+    def amplitudes(self, A: Array, B: Array, known: Spectrum | None = None) -> Array:
         """Largest amplitude of each entry of e over frequency, for an input that is a sinusoid with |v| = 1."""
-        if found := self.residues(A, B):
+        if found := self.residues(A, B, None, known):
             return largest_apart(
                 lambda omega: found.amplitudes(self.place(omega)),
                 lambda omega: found.own(self.place(omega)),
@@ -124,9 +131,9 @@ class Modes(ABC):
         response = self.responses(A, B)
         return largest(lambda omega: np.linalg.norm(response(omega), axis=2), self.frequencies(A))
 
-    def gain(self, A: Array, B: Array, H: Array) -> float:
+    def gain(self, A: Array, B: Array, H: Array, known: Spectrum | None = None) -> float:
         """Largest singular value of the response of z = H e over frequency."""
-        if found := self.residues(A, B, H):
+        if found := self.residues(A, B, H, known):
             return float(largest(lambda omega: found.gains(self.place(omega)), self.about(found.poles)).item())
         response = self.responses(A, B)
 
@@ -160,19 +167,25 @@ class Exponentials(Modes):
         """On the imaginary axis."""
         return np.asarray(1j * omega)
 
+    def overlap(self, poles: Array) -> Array:
+        """Of exp(s t)."""
+        return np.asarray(-1 / (poles[:, None] + poles.conj()))
+
     def covariance(self, A: Array, W: Array) -> Array:
         """X of A X + X A' + W = 0."""
         from scipy.linalg import solve_continuous_lyapunov
 
         return np.asarray(solve_continuous_lyapunov(A, -W))
 
-    def impulse(self, A: Array, B: Array, H: Array, every: int = 1) -> tuple[Array, Array]:
+    def impulse(
+        self, A: Array, B: Array, H: Array, every: int = 1, known: Spectrum | None = None
+    ) -> tuple[Array, Array]:
         """H exp(A t) B, from its modes, with the widths of the trapezoidal rule; `every`: of how many instants one is.
 
         Not a number where the modes are too close to each other to be told apart.
         """
-        values, V = np.linalg.eig(A)
-        if np.linalg.cond(V) > 1 / ILL:
+        values, V = (known.poles, known.V) if known else np.linalg.eig(A)
+        if not known and np.linalg.cond(V) > 1 / ILL:
             return np.full((B.shape[1], len(H), 1), np.nan), np.ones(1)
         ends = 25 / np.abs(values.real)
         counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
@@ -223,6 +236,10 @@ class Powers(Modes):
     def place(self, omega: Array) -> Array:
         """On the unit circle."""
         return np.asarray(np.exp(1j * omega))
+
+    def overlap(self, poles: Array) -> Array:
+        """Of z^k."""
+        return np.asarray(1 / (1 - poles[:, None] * poles.conj()))
 
     def covariance(self, A: Array, W: Array) -> Array:
         """X of A X A' - X + W = 0."""

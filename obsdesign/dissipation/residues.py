@@ -15,20 +15,30 @@ ILL = (
 
 
 @dataclass(frozen=True)
+class Spectrum:
+    """Modes of e' = A e, or of e+ = A e, that are well apart."""
+
+    poles: Array  # (n,)
+    V: Array  # (n, n), A V = V diag(poles)
+
+    @classmethod
+    def of(cls, A: Array) -> "Spectrum | None":
+        """Of a matrix; None where the modes are too close to be told apart."""
+        poles, V = np.linalg.eig(A)
+        return cls(poles, V) if np.linalg.cond(V) < ILL else None
+
+    def residues(self, B: Array, C: Array | None = None) -> "Residues":
+        """Response of C e to v that enters by B; C is the identity if it is not given."""
+        return Residues(self.poles, self.V if C is None else C @ self.V, np.linalg.solve(self.V, B))
+
+
+@dataclass(frozen=True)
 class Residues:
-    """Response of z = C e to v, of e' = A e + B v or of e+ = A e + B v, whose modes are well apart."""
+    """Response of z = C e to v, of e' = A e + B v or of e+ = A e + B v."""
 
     poles: Array  # (n,)
     outputs: Array  # C V, (nz, n)
     inputs: Array  # V^-1 B, (n, nv)
-
-    @classmethod
-    def of(cls, A: Array, B: Array, C: Array | None = None) -> "Residues | None":
-        """Of matrices, C the identity if it is not given; None where the modes are too close to be told apart."""
-        poles, V = np.linalg.eig(A)
-        if not np.linalg.cond(V) < ILL:
-            return None
-        return cls(poles, V if C is None else C @ V, np.linalg.solve(V, B))
 
     def at(self, s: Array) -> Array:
         """Response at some s, (nv, count, nz)."""
@@ -51,3 +61,12 @@ class Residues:
         if z.shape[1] > z.shape[2]:
             z = z.transpose(0, 2, 1)
         return np.sqrt(np.maximum(np.linalg.eigvalsh(z @ z.conj().transpose(0, 2, 1))[:, -1:], 0))
+
+    def norms(self, overlap: Array) -> Array:
+        """H2 norm of the response of each z to each v, (nz, nv).
+
+        `overlap` (n, n): the integral over time, or the sum, of each mode times the conjugate of each.
+        """
+        products = [overlap * np.outer(each, each.conj()) for each in self.inputs.T]
+        squares = [((self.outputs @ M) * self.outputs.conj()).sum(axis=1).real for M in products]
+        return np.asarray(np.sqrt(np.maximum(np.stack(squares, axis=1), 0)))
