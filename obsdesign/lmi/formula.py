@@ -195,29 +195,24 @@ def rational_number(value: Any) -> fmpq:
     return fmpq(fraction.numerator, fraction.denominator)
 
 
-def rational(matrix: npt.ArrayLike) -> Array:
-    """Exact rationals of a matrix of numbers or of decimal texts, entry by entry."""
-    return np.asarray(np.vectorize(rational_number, otypes=[object])(np.asarray(matrix, dtype=object)))
-
-
-def decimal(text: str) -> fmpq:
-    """Exact rational of a decimal text, sooner than `rational_number`. Raises `ValueError`: it is no finite number."""
+def decimal_number(text: str) -> fmpq:
+    """Exact rational of a decimal text, quicker than of any text. Raises `ValueError`: it is not finite."""
     number = Decimal(text)
     if not number.is_finite():
         raise ValueError(f"{text} is no finite number")
     return fmpq(*number.as_integer_ratio())
 
 
-def decimals(matrix: Array, text: Callable[[float], str]) -> Array:
-    """Rationals of a matrix of doubles, each as a text of it is read."""
-    return np.asarray(np.vectorize(lambda x: decimal(text(x)), otypes=[object])(matrix))
+def rational(matrix: npt.ArrayLike) -> Array:
+    """Exact rationals of a matrix of numbers or of decimal texts, entry by entry."""
+    return np.asarray(np.vectorize(rational_number, otypes=[object])(np.asarray(matrix, dtype=object)))
 
 
 def printed(value: Any) -> Any:
     """Rational, or matrix of rationals, of the decimals that print the nearest doubles: what a file can hold."""
     if isinstance(value, np.ndarray):
-        return decimals(value, lambda x: repr(float(x)))
-    return decimal(repr(float(value)))
+        return np.asarray(np.vectorize(printed, otypes=[object])(value))
+    return decimal_number(repr(float(value)))
 
 
 def approximate(value: fmpq) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.lmi.dominance import definite
-from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, decimals, rational
+from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, decimal_number, rational
 from obsdesign.lmi.probe import coordinates, matrices
 from obsdesign.records import dataclass
 
@@ -121,7 +121,7 @@ def rounded(values: Values, digits: int) -> dict[str, Array]:
 
 def with_digits(matrix: Array, digits: int) -> Array:
     """Rationals of a matrix at so many significant decimal digits."""
-    return decimals(matrix, lambda x: f"{x:.{digits}g}")
+    return np.asarray(np.vectorize(lambda x: decimal_number(f"{x:.{digits}g}"), otypes=[object])(matrix))
 
 
 def complete(
