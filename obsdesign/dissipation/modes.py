@@ -21,6 +21,7 @@ ROUNDING = 1e-14  # of a pole, relative to the largest
 ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
 LARGE = 24  # order from which what is computed of many frequencies, or instants, is computed in another way
 MOST_INSTANTS = 30_000  # of all modes of a system together
+AT_ONCE = 2048  # of the instants, so that what is computed of them stays near the processor
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 FORGOTTEN = 20  # time constants after which what is left of a response in samples is told by its sum
 LARGEST = 2**22  # numbers of it that are told one by one
@@ -195,10 +196,12 @@ class Exponentials(Modes):
         residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
         residues, values = residues[..., values.imag >= 0], values[values.imag >= 0]  # of a pair, twice the real part
         residues = residues * np.where(values.imag > 0, 2, 1)
-        decaying = np.exp(values.real[:, None] * t)
-        angle = values.imag[:, None] * t
-        both = np.concatenate([residues.real, -residues.imag], axis=-1)
-        return both @ np.concatenate([decaying * np.cos(angle), decaying * np.sin(angle)]), widths(t)
+        shares = np.concatenate([residues.real, -residues.imag], axis=-1)
+        h = np.empty((*shares.shape[:2], len(t)))
+        for part in (slice(first, first + AT_ONCE) for first in range(0, len(t), AT_ONCE)):
+            decaying, angle = np.exp(values.real[:, None] * t[part]), values.imag[:, None] * t[part]
+            h[..., part] = shares @ np.concatenate([decaying * np.cos(angle), decaying * np.sin(angle)])
+        return h, widths(t)
 
 
 def courses(modes: set[tuple[float, int]]) -> list[Array]:
