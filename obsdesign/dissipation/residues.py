@@ -41,14 +41,26 @@ class Residues:
     inputs: Array  # V^-1 B, (n, nv)
 
     def at(self, s: Array) -> Array:
-        """Response at some s, (nv, count, nz)."""
-        shares = 1 / (s[:, None] - self.poles)
-        return np.stack([(shares * each) @ self.outputs.T for each in self.inputs.T])
+        """Response at some s, (nv, nz, count).
+
+        A pair of conjugate modes is (2 Re(r) s - 2 Re(r p')) / ((s - p) (s - p')), with r its residue and p' the
+        conjugate of p: real factors of complex functions of s, which halves the products.
+        """
+        upper, real = self.poles.imag > 0, self.poles.imag == 0
+        p = self.poles[upper]
+        pairs = 1 / ((s - p[:, None]) * (s - p.conj()[:, None]))
+        functions = np.concatenate([s * pairs, pairs, 1 / (s - self.poles[real][:, None])])
+        found = np.empty((self.inputs.shape[1], len(self.outputs), len(s)), dtype=complex)
+        for z, each in zip(found, self.inputs.T, strict=True):
+            r, alone = self.outputs[:, upper] * each[upper], self.outputs[:, real] * each[real]
+            factors = np.concatenate([2 * r.real, -2 * (r * p.conj()).real, alone.real], axis=1)
+            np.matmul(factors, functions.view(float), out=z.view(float))
+        return found
 
     def amplitudes(self, s: Array) -> Array:
         """Norm of the response of each z, (count, nz)."""
         z = self.at(s)
-        return np.asarray(np.sqrt((z.real**2 + z.imag**2).sum(axis=0)))
+        return np.asarray(np.sqrt((z.real**2 + z.imag**2).sum(axis=0)).T)
 
     def own(self, s: Array) -> Array:
         """The same where each z has frequencies of its own, (count, nz) as they."""
@@ -57,7 +69,7 @@ class Residues:
 
     def gains(self, s: Array) -> Array:
         """Largest singular value of the response, (count, 1)."""
-        z = self.at(s).transpose(1, 0, 2)
+        z = self.at(s).transpose(2, 0, 1)
         if z.shape[1] > z.shape[2]:
             z = z.transpose(0, 2, 1)
         return np.sqrt(np.maximum(np.linalg.eigvalsh(z @ z.conj().transpose(0, 2, 1))[:, -1:], 0))
