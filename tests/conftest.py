@@ -15,6 +15,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support.bounded import soon
 from support.commands import PNG, result_of, run
+from support.schedule import Schedule
 from support.sweep import SWEEP
 
 from obsdesign.batches.perform import perform
@@ -64,6 +65,17 @@ def pytest_collection_finish():
     """What is imported lives as long as the tests: garbage is not looked for in it, nor often."""
     gc.freeze()
     gc.set_threshold(100_000, 50, 100)
+
+
+def pytest_make_parametrize_id(val):
+    """A long text is named by its beginning: names are sent, and compared, many times."""
+    return f"{val[:80]!r}..." if isinstance(val, str | bytes) and len(val) > 200 else None
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Groups of tests go to one process."""
+    return Schedule(config, log) if config.getoption("dist") == "loadgroup" else None
 
 
 @pytest.hookimpl(tryfirst=True)
