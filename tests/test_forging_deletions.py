@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.commands import run
 from support.forging import at, put
-from support.shipped import SPECS
+from support.shipped import solved
 from test_forging import OBSERVERS, PLANT, dotted, places
 
 import obsdesign as od
@@ -43,8 +43,9 @@ COMPUTED = (  # what may be left out: labels, and what proves nothing and nothin
 @cache
 def content_of(case):
     """What is in a genuine file."""
-    text = PLANT % OBSERVERS[case] + SIMULATION if case in OBSERVERS else str(SPECS / f"{case}.yaml")
-    return od.solve(od.load(text)).text().decode()
+    if case not in OBSERVERS:
+        return solved(case)[1].text().decode()
+    return od.solve(od.load(PLANT % OBSERVERS[case] + SIMULATION)).text().decode()
 
 
 def without(content, place):
