@@ -1,6 +1,5 @@
 """Result files from which something was deleted: refused by name, or nothing of what is claimed is missing."""
 
-import copy
 import json
 from functools import cache
 from pathlib import Path
@@ -9,7 +8,7 @@ import pytest
 from support.commands import run
 from support.forging import at, put
 from support.shipped import solved
-from test_forging import OBSERVERS, PLANT, dotted, places
+from test_forging import OBSERVERS, PLANT, copied, dotted, places
 
 import obsdesign as od
 from obsdesign.design import proof_of
@@ -50,7 +49,7 @@ def content_of(case):
 
 def without(content, place):
     """A content without what is at a place."""
-    forged = copy.deepcopy(content)
+    forged = copied(content)
     del at(forged, place[:-1])[place[-1]]
     return forged
 
