@@ -21,9 +21,9 @@ from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
-from obsdesign.riccati.least import Least, least, least_peak, same
+from obsdesign.riccati.least import Least, least, same
 from obsdesign.riccati.passive import Passive, reduced
-from obsdesign.riccati.peak import least_peak_scaled
+from obsdesign.riccati.peak import least_peak, least_peak_scaled
 from obsdesign.riccati.samples import (
     central_of_samples,
     gain_near,
@@ -133,7 +133,7 @@ def least_gamma(
     if key in engine.recalled:
         return engine.recalled[key]
     try:
-        form, passive = form_of(family), None
+        form, passive = (whole if separate(whole, family.plant.Bf.shape[1]) else None), None
         if form is None and (passive := monotone_form(family)):
             form = passive.form
     except (UnclearError, np.linalg.LinAlgError):

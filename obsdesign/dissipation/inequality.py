@@ -15,7 +15,7 @@ and a family says what W, m and P have to be. `discrete.Discrete` reads the same
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -36,12 +36,14 @@ from obsdesign.lmi.formula import (
     he,
     identity,
     in_floats,
+    product,
     symmetric,
     zeros,
 )
 from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 
 ONE = np.ones((1, 1))
 EQUATIONS = (
@@ -109,12 +111,10 @@ class Incremental(ABC):
     def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
         """(13) for the weight of |z|^2 and the supply m, P > 0, and membership of the multiplier."""
         v = {**v, "Y": self.injected(v)}
+        rises = self.dissipation(v, weight * product(self.H.mT, self.H), supply)
+        strict = self.about.at_rest == "strict" and not self.rate
         return [
-            Inequality(
-                self.about.decrease,
-                self.dissipation(v, weight * (self.H.mT @ self.H), supply),
-                strict=self.about.at_rest == "strict" and not self.rate,
-            ),
+            Inequality(self.about.decrease, rises, strict=strict),
             Inequality(POSITIVE, -v["P"], strict=True),
             *self.multiplier.inequalities(v),
         ]
@@ -128,7 +128,7 @@ class Incremental(ABC):
         p, P, Y = self.plant, v["P"], v["Y"]
         none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
         rise = np.concatenate([P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1)
-        stored = symmetric([[he(P @ p.A + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
+        stored = symmetric([[he(product(P, p.A) + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
         return stored_and_supplied(stored, self.supplied(v, Q, m))
 
     @property
@@ -324,9 +324,8 @@ class Incremental(ABC):
     @property
     def injection(self) -> Injection | None:
         """Y enters (13) as He([I; 0] Y [C Df -D]), where it is unknown."""
-        return (
-            None if self.L1 is not None else Injection("Y", np.eye(self.residual.shape[1], self.plant.n), self.residual)
-        )
+        output = self.residual
+        return None if self.L1 is not None else Injection("Y", np.eye(output.shape[1], self.plant.n), output)
 
     @property
     def residual(self) -> Array:

@@ -9,7 +9,8 @@ affine map), on float64 matrices (margins) and on rationals (the proof). Rationa
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
 from operator import add
@@ -17,7 +18,9 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from flint import fmpq
+from flint import fmpq, fmpq_mat
+
+from obsdesign.records import dataclass
 
 Array = npt.NDArray[Any]
 Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
@@ -122,6 +125,14 @@ def he(X: Array) -> Array:
     return X + X.mT
 
 
+def product(X: Array, Y: Array) -> Array:
+    """Return X @ Y; of two rational matrices through integers over one denominator each, which large ones ask for."""
+    if X.ndim != 2 or Y.ndim != 2 or X.dtype != object or Y.dtype != object or not X.size or not Y.size:
+        return np.asarray(X @ Y)
+    made = fmpq_mat(*X.shape, X.ravel().tolist()) * fmpq_mat(*Y.shape, Y.ravel().tolist())
+    return np.array(made.entries(), dtype=object).reshape(len(X), Y.shape[1])
+
+
 def combined(*pairs: tuple[Array, Array]) -> Array:
     """Sum of products; of doubles without what is left of terms that cancel, which has a size but no meaning."""
     made = reduce(add, (X @ Y for X, Y in pairs))
@@ -167,15 +178,29 @@ def zeros(shape: tuple[int, ...], like: Sequence[Array]) -> Array:
 
 def identity(n: int, like: Array) -> Array:
     """Identity matrix in the numbers of the given array."""
-    return rational(np.eye(n)) if like.dtype == object else np.eye(n)
+    if like.dtype != object:
+        return np.eye(n)
+    made = zeros((n, n), [like])
+    np.fill_diagonal(made, fmpq(1))
+    return made
 
 
 def rational_number(value: Any) -> fmpq:
     """Exact rational of a decimal or "p/q" text, an integer, a fraction, or a double (its binary value)."""
     if isinstance(value, fmpq):
         return value
+    if isinstance(value, float):
+        return fmpq(*value.as_integer_ratio())
     fraction = Fraction(value)
     return fmpq(fraction.numerator, fraction.denominator)
+
+
+def decimal_number(text: str) -> fmpq:
+    """Exact rational of a decimal text, quicker than of any text. Raises `ValueError`: it is not finite."""
+    number = Decimal(text)
+    if not number.is_finite():
+        raise ValueError(f"{text} is no finite number")
+    return fmpq(*number.as_integer_ratio())
 
 
 def rational(matrix: npt.ArrayLike) -> Array:
@@ -186,8 +211,8 @@ def rational(matrix: npt.ArrayLike) -> Array:
 def printed(value: Any) -> Any:
     """Rational, or matrix of rationals, of the decimals that print the nearest doubles: what a file can hold."""
     if isinstance(value, np.ndarray):
-        return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(value))
-    return rational_number(repr(float(value)))
+        return np.asarray(np.vectorize(printed, otypes=[object])(value))
+    return decimal_number(repr(float(value)))
 
 
 def approximate(value: fmpq) -> float:
