@@ -15,6 +15,7 @@ from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.decimals import significant, square_below
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.equality import tied, with_equality
 from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed, zeros
 from obsdesign.lmi.proof import rounded
@@ -22,7 +23,7 @@ from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
 from obsdesign.riccati.least import Least, least, least_peak, same
-from obsdesign.riccati.passive import Passive, reduced
+from obsdesign.riccati.passive import Passive, gains, reduced
 from obsdesign.riccati.peak import least_peak_scaled
 from obsdesign.riccati.samples import (
     central_of_samples,
@@ -47,7 +48,7 @@ SEARCHED = 8  # order from which the scales of multipliers are found faster so t
 def form_of(family: Incremental) -> Form | None:
     """Form of a family in doubles; None where it is none that a Riccati equation solves."""
     form = inequality_of(family)
-    return form if form and separate(form, family.plant.Bf.shape[1]) else None
+    return form if form and form.separate(family.plant.Bf.shape[1]) else None
 
 
 def monotone_form(family: Incremental) -> Passive | None:
@@ -57,7 +58,7 @@ def monotone_form(family: Incremental) -> Passive | None:
     """
     other = family.about.peak or family.about.pace.sampled or family.L1 is not None
     form = None if other else inequality_of(family)
-    return None if form is None else reduced(form, family.plant.Bf.shape[1])
+    return None if form is None else reduced(form.balanced()[0], family.plant.Bf.shape[1])
 
 
 def inequality_of(family: Incremental) -> Form | None:
@@ -91,16 +92,6 @@ def inequality_of(family: Incremental) -> Form | None:
 def per_step(family: Incremental) -> float:
     """Rho of samples, by which their form is divided, and rho^2 P is its P; else 1."""
     return 1 - float(family.rate) if family.about.pace.sampled else 1.0
-
-
-def separate(form: Form, nf: int) -> bool:
-    """Whether the multipliers leave v alone and their part in f is negative: then (f, v) is for all scales and mu."""
-    ends = form.n, form.n + nf
-    parts = form.Qs[:, slice(*ends), slice(*ends)]
-    if form.Qs[:, ends[1] :].any() or (nf and not len(parts)):
-        return False
-    negative = all(np.linalg.eigvalsh(part)[-1] <= 0 for part in parts) if nf else True
-    return negative and (not nf or bool(np.linalg.eigvalsh(parts.sum(axis=0))[-1] < 0))
 
 
 def solvable(engine: Engine, family: Incremental, smallest: int = SEARCHED) -> Form | None:
@@ -143,6 +134,8 @@ def least_gamma(
     made = told(lambda: least_of(form, family), lambda known, values: elsewhere(form, family, known, values))
     if made and passive and not passive.negative(array(made.values), made.objective * (1 + SAME)):
         return None
+    if made and passive:
+        made = replace(made, values=named(family, passive.ties @ array(made.values)))
     if made is not None:
         engine.eliminated, engine.recalled[key] = True, made
     return made
@@ -197,8 +190,13 @@ def least_of(form: Form, family: Incremental) -> tuple[Least, dict[str, Array]]:
         found, scales = least_over_scale_of(form, family)
     else:
         found, scales = least_peak_scaled(form, family.H) if family.about.peak else least_scaled(form)
+    return found, named(family, scales)
+
+
+def named(family: Incremental, scales: Float) -> dict[str, Array]:
+    """Scales by their names; where some are tied to each other, there are fewer of them."""
     names = (unknown.name for unknown in family.multiplier.unknowns())
-    return found, {name: scale * ONE for name, scale in zip(names, scales, strict=True)}
+    return {name: scale * ONE for name, scale in zip(names, scales, strict=False)}
 
 
 def of_one(family: Incremental, mu: float, values: Values) -> Values:
@@ -256,15 +254,17 @@ def turned(form: Form) -> Iterator[Form]:
 def central_gains(family: Incremental, gamma: float, scales: Float) -> Iterator[Central]:
     """Central gains that reach gamma for given scales, for a family whose form has one, and P for mu1 = 1.
 
-    Without v any gamma will do.
+    Without v any gamma will do. Of f that are known to be monotone only P lacks what `with_equality` adds.
     """
     fixed = in_floats(family)
-    form = form_of(fixed)
+    level, rho = (gamma * (1 - ROOM)) ** 2, per_step(fixed)
+    form, output = form_of(fixed), rho * fixed.H
     if form is None:
+        whole = inequality_of(fixed) if monotone_form(fixed) else None
+        if whole is not None:
+            yield from gains(whole, fixed.plant.Bf.shape[1], scales, float(fixed.rate), level, lambda _: True)
         return
     form = form.scaled(scales)
-    level, rho = (gamma * (1 - ROOM)) ** 2, per_step(fixed)
-    output = rho * fixed.H
 
     def reaches(X: Float) -> bool:
         return not fixed.about.peak or float(np.linalg.eigvalsh(output @ X @ output.T)[-1]) <= level
@@ -297,11 +297,11 @@ def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bo
     scales = scales_of(engine, family)
     if scales is None:
         return None
-    level = printed(gamma)
+    scales, level = tied(family, scales), printed(gamma)
     mu = square_below(level)
     for found in central_gains(family, gamma, array(scales)):
         for digits, of_P in zip(DIGITS, OF_P, strict=True):
-            values = {**rounded({"P": found.P}, of_P), **scales}
+            values = with_equality(family, {**rounded({"P": found.P}, of_P), **scales})
             candidate = replace(family, L1=printed(significant(found.L, digits)))
             certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
             if certificate.holds:
