@@ -1,6 +1,7 @@
 """Gains of large plants with monotone f: the equality P Bf = T exactly, and agreement with the inequalities."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,10 @@ from support.rods import chain
 
 import obsdesign as od
 from obsdesign.dissipation.bounds import NO_BOUNDS
-from obsdesign.dissipation.elimination import central_gains, proved_central
+from obsdesign.dissipation.elimination import least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.equality import tied
+from obsdesign.dissipation.monotone import proved_monotone, unseparated
 from obsdesign.families.incremental import design
 from obsdesign.families.incremental.request import posed
 from obsdesign.lmi.formula import in_floats, rational, rational_number
@@ -88,27 +90,29 @@ def test_a_last_digit_of_p_that_f_sees_is_refused(solved, place, tmp_path):
     assert failed == [solved.claim.certificate.theorem.about.decrease]
 
 
-def test_gains_do_not_depend_on_the_units_of_x(solved):
+def test_proofs_do_not_depend_on_the_units_of_x(solved):
     family = posed(od.load(chain(12, **PLANTS["a damper and a spring"])))
     s = rational(2.0 ** np.random.default_rng(0).integers(-20, 20, 12))
     p = family.plant
     scaled = replace(p, A=p.A * s[:, None] / s, Bf=p.Bf * s[:, None], B=p.B * s[:, None], Cq=p.Cq / s, C=p.C / s)
     there = replace(family, plant=scaled, H=family.H / s)
-    certificate = proved_central(Engine(), there, 1.05 * solved.limit["gamma"], NO_BOUNDS)
+    certificate = proved_monotone(Engine(), there, 1.05 * solved.limit["gamma"], NO_BOUNDS)
     assert certificate.holds
     assert not equality(certificate).any()
-    L1 = in_floats(certificate.family.L1 / s[:, None])
-    assert np.linalg.norm(L1, 2) == pytest.approx(np.linalg.norm(solved.gains["L1"], 2), rel=0.05)
+    assert float(certificate.gamma) == pytest.approx(solved.result["guarantee"]["gamma"], rel=1e-5)
+    limit = math.sqrt(least_gamma(Engine(), in_floats(there)).objective)
+    assert limit == pytest.approx(solved.limit["gamma"], rel=1e-5)
 
 
 @pytest.mark.parametrize("change", ["peak", "free L2", "f in y", "v in its argument"])
 def test_other_plants_are_left_to_the_inequalities(change):
+    assert unseparated(in_floats(posed(od.load(chain(8, **DAMPED))))) is not None
     family = in_floats(posed(od.load(chain(8, type="linf" if change == "peak" else "l2", **DAMPED))))
     if change == "free L2":
         family = replace(family, L2=None)
     acts = {"f in y": {"Df": np.ones((2, 1))}, "v in its argument": {"Dq": np.ones((1, 3))}}
     family = replace(family, plant=replace(family.plant, **acts.get(change, {})))
-    assert not list(central_gains(family, 10.0, np.ones(1)))
+    assert unseparated(family) is None
 
 
 def test_scales_are_tied_in_rationals():

@@ -15,16 +15,15 @@ from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.decimals import significant, square_below
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.equality import tied, with_equality
 from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed, zeros
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
-from obsdesign.riccati.least import Least, least, least_peak, same
-from obsdesign.riccati.passive import Passive, gains, reduced
-from obsdesign.riccati.peak import least_peak_scaled
+from obsdesign.riccati.least import Least, least, same
+from obsdesign.riccati.passive import Passive, reduced
+from obsdesign.riccati.peak import least_peak, least_peak_scaled
 from obsdesign.riccati.samples import (
     central_of_samples,
     gain_near,
@@ -124,7 +123,7 @@ def least_gamma(
     if key in engine.recalled:
         return engine.recalled[key]
     try:
-        form, passive = form_of(family), None
+        form, passive = (whole if whole.separate(family.plant.Bf.shape[1]) else None), None
         if form is None and (passive := monotone_form(family)):
             form = passive.form
     except (UnclearError, np.linalg.LinAlgError):
@@ -254,17 +253,15 @@ def turned(form: Form) -> Iterator[Form]:
 def central_gains(family: Incremental, gamma: float, scales: Float) -> Iterator[Central]:
     """Central gains that reach gamma for given scales, for a family whose form has one, and P for mu1 = 1.
 
-    Without v any gamma will do. Of f that are known to be monotone only P lacks what `with_equality` adds.
+    Without v any gamma will do.
     """
     fixed = in_floats(family)
-    level, rho = (gamma * (1 - ROOM)) ** 2, per_step(fixed)
-    form, output = form_of(fixed), rho * fixed.H
+    form = form_of(fixed)
     if form is None:
-        whole = inequality_of(fixed) if monotone_form(fixed) else None
-        if whole is not None:
-            yield from gains(whole, fixed.plant.Bf.shape[1], scales, float(fixed.rate), level, lambda _: True)
         return
     form = form.scaled(scales)
+    level, rho = (gamma * (1 - ROOM)) ** 2, per_step(fixed)
+    output = rho * fixed.H
 
     def reaches(X: Float) -> bool:
         return not fixed.about.peak or float(np.linalg.eigvalsh(output @ X @ output.T)[-1]) <= level
@@ -297,11 +294,11 @@ def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bo
     scales = scales_of(engine, family)
     if scales is None:
         return None
-    scales, level = tied(family, scales), printed(gamma)
+    level = printed(gamma)
     mu = square_below(level)
     for found in central_gains(family, gamma, array(scales)):
         for digits, of_P in zip(DIGITS, OF_P, strict=True):
-            values = with_equality(family, {**rounded({"P": found.P}, of_P), **scales})
+            values = {**rounded({"P": found.P}, of_P), **scales}
             candidate = replace(family, L1=printed(significant(found.L, digits)))
             certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
             if certificate.holds:

@@ -12,7 +12,7 @@ import numpy as np
 from flint import fmpq_mat
 
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.lmi.formula import Array, Values, identity, zeros
+from obsdesign.lmi.formula import Array, Values, identity, product, zeros
 
 
 def with_equality(family: Incremental, values: Values) -> Values:
@@ -58,8 +58,3 @@ def silent(family: Incremental, values: Values, told: Values | None = None) -> t
     whole = supplied if told is None else family.member_supply(told)
     chosen = ~whole[n:, n:].any(axis=1)
     return Bf[:, chosen], -supplied[:n, n:][:, chosen]
-
-
-def product(left: Array, right: Array) -> Array:
-    """Product of matrices of rationals."""
-    return np.array((fmpq_mat(left.tolist()) * fmpq_mat(right.tolist())).tolist(), dtype=object)

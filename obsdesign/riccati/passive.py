@@ -9,6 +9,7 @@ the place of f. T is linear in lambda, and he(s1' T' [A e + B u]) joins Q. The g
 that no L enters its row, and the best one for P = X^-1, X = U Pt^-1 U' + Bf K^-1 Bf', is that of the form without f.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,8 +17,25 @@ from functools import partial
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Float
-from obsdesign.riccati.central import Central, Fits, best_gain, central, stored
+from obsdesign.riccati.central import (
+    FASTER,
+    FIRST,
+    LARGE,
+    ON_OUTPUTS,
+    ON_STATES,
+    SPARSE,
+    Central,
+    Fits,
+    best_gain,
+    central,
+    sizes,
+    stored,
+)
 from obsdesign.riccati.form import CERTAIN, ZERO, Form, UnclearError, ranked
+
+EVALUATIONS = 180  # of gains, in the search for a small one
+STEP = 0.5  # the first, of the logarithms of scales and noises
+ENOUGH = 0.01  # .. and of |L| between the last
 
 
 @dataclass(frozen=True)
@@ -121,13 +139,58 @@ def positive(Bf: Float, T: Float) -> bool:
     return not np.abs(inner - inner.T).max() > ZERO and bool(np.linalg.eigvalsh(inner)[0] > CERTAIN)
 
 
-def gains(form: Form, nf: int, scales: Float, rate: float, mu: float, fits: Fits) -> Iterator[Central]:
-    """Central gains for given scales and a mu above the least, and V Pt V' of the P that proves each.
+def gains(form: Form, nf: int, scales: Float, rate: float, mu: float) -> Iterator[tuple[Central, Float]]:
+    """Central gains for a mu above the least, with V Pt V' of the P and the scales that prove each.
 
-    `rate`: the decay rate that is in the form already; `fits`: whether an X will do.
+    First one that is small, for scales of its own; then those for the given scales, which are tied to each other as
+    they must be. `rate`: the decay rate that is in the form already.
     """
-    whole = replace(form, Qs=np.tensordot(scales, form.Qs, 1)[None])
-    yield from central(whole, rate, mu, fits, partial(solution, nf=nf))
+    yield from small(form, nf, scales, rate, mu)
+    for found in central(at_scales(form, scales), rate, mu, lambda _: True, partial(solution, nf=nf)):
+        yield found, scales
+
+
+def small(form: Form, nf: int, scales: Float, rate: float, mu: float) -> Iterator[tuple[Central, Float]]:
+    """A small gain by a search over the scales and the noise of each output, and gains with more room beside it."""
+    from scipy.optimize import minimize
+
+    balanced, s = form.balanced()
+    left = reduced(balanced, nf)
+    if left is None:
+        return
+    fast, (acts, on_outputs) = balanced.faster(FASTER * rate), sizes(balanced)
+    group, free = left.ties.argmax(axis=1), left.ties.shape[1]
+
+    def at(x: Float, states: float) -> Central | None:
+        noisy = fast.noisy(np.full(form.n, states * acts), np.exp(x[free:]) * on_outputs)
+        made = solution(at_scales(noisy, scales * np.exp(x[group])), mu, lambda _: True, nf)
+        return made and Central(s[:, None] * made.L, made.P / np.outer(s, s))
+
+    def size(x: Float, states: float) -> float:
+        made = at(x, states)
+        return float(np.log(made.size)) if made else math.inf
+
+    tried = np.log(ON_OUTPUTS[:: SPARSE if form.n >= LARGE else 1])
+    starts = [np.concatenate([np.zeros(free), np.full(len(form.C), noise)]) for noise in tried]
+    for states in FIRST:
+        values = [size(x, states) for x in starts]
+        if np.isfinite(min(values)):
+            break
+    else:
+        return
+    start: Float = starts[int(np.argmin(values))]
+    simplex: Float = np.vstack([start, start + STEP * np.eye(len(start))])
+    most = EVALUATIONS // (SPARSE if form.n >= LARGE else 1)
+    found = minimize(
+        partial(size, states=states),
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": most, "xatol": ENOUGH, "fatol": ENOUGH},
+    )
+    best = np.asarray(found.x)
+    for noise in (states, *(more for more in ON_STATES[::-1] if more > states)):
+        if made := at(best, noise):
+            yield made, scales * np.exp(best[group])
 
 
 def solution(form: Form, mu: float, fits: Fits, nf: int) -> Central | None:
@@ -144,6 +207,11 @@ def solution(form: Form, mu: float, fits: Fits, nf: int) -> Central | None:
     except (np.linalg.LinAlgError, UnclearError):
         return None
     return Central(L, left.V @ found[1] @ left.V.T) if np.isfinite(L).all() and fits(X) else None
+
+
+def at_scales(form: Form, scales: Float) -> Form:
+    """Same with one scale, which is 1."""
+    return replace(form, Qs=np.tensordot(scales, form.Qs, 1)[None])
 
 
 def without(form: Form, silent: Array) -> Form:

@@ -18,6 +18,7 @@ from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_central
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.monotone import proved_monotone
 from obsdesign.dissipation.scaling import scaling
 from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
@@ -183,7 +184,8 @@ class Designer:
         """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
         if not self.engine.eliminates or self.request.bounds.restricted:
             return None
-        certificate = proved_central(self.engine, family, gamma, self.request.kept)
+        tried = (find(self.engine, family, gamma, self.request.kept) for find in (proved_central, proved_monotone))
+        certificate = next((found for found in tried if found), None)
         made = certificate and self.claimed(certificate.family, certificate)
         if not certificate or not made or made.status is not Verdict.CERTIFIED:
             return None
