@@ -14,11 +14,12 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.certificate import Certificate, rate_of
 from obsdesign.dissipation.claim import best_claim, claim
 from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_central
+from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scaling import scaling
+from obsdesign.dissipation.smaller import proved_small
 from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
@@ -180,15 +181,15 @@ class Designer:
         return Outcome(status, doubles(candidate), proof)
 
     def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
-        """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
+        """Gain of a Riccati equation that is proved, and a note on it; None where none is, or bounds ask for others."""
         if not self.engine.eliminates or self.request.bounds.restricted:
             return None
-        certificate = proved_central(self.engine, family, gamma, self.request.kept)
-        made = certificate and self.claimed(certificate.family, certificate)
-        if not certificate or not made or made.status is not Verdict.CERTIFIED:
+        found = proved_small(self.engine, family, gamma, self.request.kept)
+        made = found and self.claimed(found.certificate.family, found.certificate)
+        if not found or not made or made.status is not Verdict.CERTIFIED:
             return None
-        self.notes.append(f"the gain is the central one of a Riccati equation: {why}; bounds.L1 asks for a smaller one")
-        return self.completed(certificate.family, made)
+        self.notes.append(found.said(family.about.gain, why))
+        return self.completed(found.certificate.family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
