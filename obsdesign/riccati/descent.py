@@ -35,6 +35,7 @@ STEP = 1.0  # longest, where about 1 leads to the edge
 BACK = 0.4  # factor of a step that leaves the gains which have a solution
 SUFFICIENT, STEEP = 1e-4, 0.9  # of the slope: decrease and what may be left of it (Wolfe)
 TRIALS = 25  # of one step
+NEAR = 1e-3  # difference of log scales, beside the distance from the edge
 FLAT = 1e-12  # of eigenvalues of a metric, beside the largest
 
 
@@ -136,16 +137,18 @@ class Barrier:
 
 
 class Descent:
-    """What is minimised, in coordinates x about a gain and scales: L = L0 + left x right, scales = scales0 exp x."""
+    """What is minimised, in coordinates x, y about a gain and scales: L0 + left x right, scales0 exp(turned y)."""
 
     def __init__(self, barrier: Barrier, units: Float, L: Float, scales: Float, at: Inside) -> None:
         self.barrier, self.units, self.L, self.scales = barrier, units, L, scales
         self.left, self.right = metric(barrier, L, scales, at)
+        self.turned = curvature(barrier, L, scales, at)
 
     def point(self, x: Float) -> tuple[Float, Float]:
         """Gain and scales of coordinates."""
         size = self.L.size
-        return self.L + self.left @ x[:size].reshape(self.L.shape) @ self.right, self.scales * np.exp(x[size:])
+        L = self.L + self.left @ x[:size].reshape(self.L.shape) @ self.right
+        return L, self.scales * np.exp(self.turned @ x[size:])
 
     def __call__(self, x: Float) -> tuple[float, Float] | None:
         """Value and gradient; None where there is no solution."""
@@ -155,7 +158,9 @@ class Descent:
             return None
         size, slope = smooth_size(self.units[:, None] * L)
         by_gain = self.left.T @ (found.by_gain + WEIGHT * self.units[:, None] * slope) @ self.right.T
-        return found.value + WEIGHT * size, np.concatenate([by_gain.ravel(), found.by_scales * scales])
+        return found.value + WEIGHT * size, np.concatenate(
+            [by_gain.ravel(), self.turned.T @ (found.by_scales * scales)]
+        )
 
 
 def descended(
@@ -202,6 +207,21 @@ def metric(barrier: Barrier, L: Float, scales: Float, at: Inside) -> tuple[Float
     D = barrier.form.D
     values, vectors = np.linalg.eigh(symmetric(D @ np.linalg.solve(W, D.T)))
     return left, (vectors / np.sqrt(np.maximum(values, FLAT * values[-1]))).T
+
+
+def curvature(barrier: Barrier, L: Float, scales: Float, at: Inside) -> Float:
+    """Directions of log scales in which a unit is about as far as the edge, (k, k), by differences of the gradient."""
+    slope = at.by_scales * scales
+    step = NEAR / (1 + np.abs(slope).max(initial=0.0))
+    second = np.eye(len(scales))
+    for j in range(len(scales)):
+        other = scales.copy()
+        other[j] *= math.exp(step)
+        found = barrier.at(L, other)
+        if found is not None:
+            second[j] += (found.by_scales * other - slope) / step
+    values, vectors = np.linalg.eigh(symmetric(second))
+    return np.asarray(vectors / np.sqrt(np.maximum(np.abs(values), 1.0)))
 
 
 def minimised(f: Callable[[Float], tuple[float, Float] | None], size: int, evaluations: int) -> Float:
