@@ -28,14 +28,15 @@ from obsdesign.riccati.form import Eliminated, Form, UnclearError
 WEIGHT = 200.0  # of log |L| beside the barrier
 ORDER = 8  # of the norm
 ON_STATES = (1e-3, 1e-4, 1e-5, 1e-6)  # noise on every state, of the size of v: the first that the central gain allows
-EVALUATIONS = 90  # of the barrier
-LARGE = 64  # order from which there are fewer, so that a design does not take much longer for them
+EVALUATIONS = 150  # of the barrier
+LARGE = 40  # order from which there are fewer, so that a design does not take much longer for them
 ENDED = 0.05  # change of what is minimised that a step still promises
 STEP = 1.0  # longest, where about 1 leads to the edge
 BACK = 0.4  # factor of a step that leaves the gains which have a solution
 SUFFICIENT, STEEP = 1e-4, 0.9  # of the slope: decrease and what may be left of it (Wolfe)
 TRIALS = 25  # of one step
 NEAR = 1e-3  # difference of log scales, beside the distance from the edge
+FAINT = 1e-3  # share of the error in an output that counts as its noise
 FLAT = 1e-12  # of eigenvalues of a metric, beside the largest
 
 
@@ -102,6 +103,8 @@ class Barrier:
     def at(self, L: Float, scales: Float) -> Inside | None:
         """Value and gradient; None where there is no solution."""
         self.evaluations += 1
+        if not (np.isfinite(L).all() and np.isfinite(scales).all()):
+            return None
         form = self.form.injected(L).scaled(scales)
         given = Eliminated(form.A, form.B, form.Qc, form.Qm, form.Qs, np.eye(len(form.Qc)), form.supply)
         try:
@@ -193,7 +196,7 @@ def metric(barrier: Barrier, L: Float, scales: Float, at: Inside) -> tuple[Float
 
     For the P in the middle the gains that it proves are Lc + P^-1 Delta^(1/2) Theta R^(-1/2), |Theta| <= 1, with Delta
     the Schur complement and R = D W^-1 D'. These are few directions where noise is small: the metric is the geometric
-    mean of that of these gains and of one in proportion to P^-1.
+    mean of that of these gains and of one in proportion to P^-1; and R has a little of C P^-1 C' / |A|.
     """
     n, form = barrier.form.n, barrier.form.injected(L).scaled(scales)
     Q, P = form.at(barrier.mu), at.middle(None)
@@ -204,8 +207,9 @@ def metric(barrier: Barrier, L: Float, scales: Float, at: Inside) -> tuple[Float
     values, vectors = np.linalg.eigh(symmetric(root.T @ delta @ root))
     values = np.maximum(values, FLAT * values[-1])
     left = root @ vectors * (values * values.mean()) ** 0.25
-    D = barrier.form.D
-    values, vectors = np.linalg.eigh(symmetric(D @ np.linalg.solve(W, D.T)))
+    C, D = barrier.form.C @ root, barrier.form.D
+    faint = FAINT * C @ C.T / max(float(np.linalg.norm(form.A, 2)), np.finfo(float).tiny)
+    values, vectors = np.linalg.eigh(symmetric(D @ np.linalg.solve(W, D.T) + faint))
     return left, (vectors / np.sqrt(np.maximum(values, FLAT * values[-1]))).T
 
 
