@@ -17,7 +17,8 @@ from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.structure import undetectable
 from obsdesign.riccati.equation import Equation
 from obsdesign.riccati.form import Eliminated, UnclearError, without_exact_outputs
-from obsdesign.riccati.least import least, least_peak
+from obsdesign.riccati.least import least
+from obsdesign.riccati.peak import least_peak
 
 
 def limit(problem):

@@ -17,8 +17,8 @@ from obsdesign.lmi.formula import in_floats
 from obsdesign.lmi.solve import Status
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.riccati.form import UnclearError
-from obsdesign.riccati.least import least, least_peak
-from obsdesign.riccati.peak import least_peak_scaled
+from obsdesign.riccati.least import least
+from obsdesign.riccati.peak import least_peak, least_peak_scaled
 from obsdesign.riccati.scaled import least_scaled
 
 SLOW = pytest.mark.slow

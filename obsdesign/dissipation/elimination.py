@@ -20,9 +20,9 @@ from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
-from obsdesign.riccati.least import Least, least, least_peak, same
+from obsdesign.riccati.least import Least, least, same
 from obsdesign.riccati.passive import Passive, reduced
-from obsdesign.riccati.peak import least_peak_scaled
+from obsdesign.riccati.peak import least_peak, least_peak_scaled
 from obsdesign.riccati.samples import (
     central_of_samples,
     gain_near,

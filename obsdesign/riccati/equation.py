@@ -12,10 +12,12 @@ and P = X^-1 is the largest solution. (Scherer, The Riccati inequality and state
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.form import Eliminated, UnclearError, scales
 
+Complex = npt.NDArray[np.complexfloating]
 DINKELBACH = 20  # signals of one frequency
 RESIDUAL = 1e-8  # of the terms of the equation
 LAGRANGIAN = 1e-6  # of Z1' Z2 - Z2' Z1, which is zero unless eigenvalues on the axis were torn apart
@@ -159,31 +161,50 @@ def dying(form: Eliminated, point: Equation, space: Subspace, c: Float, apart: i
 
 def fast(form: Eliminated, mu: float, apart: int) -> Signal:
     """Signal without a state, the one of the largest bound."""
-    n, m = form.B.shape
-    return worst(form, np.vstack([np.zeros((n, m)), np.eye(m)]), mu, apart)
+    return worst(form, np.zeros(form.B.shape, dtype=complex), mu, apart)
 
 
 def periodic(form: Eliminated, omega: float, mu: float, apart: int) -> Signal:
-    """Signal of a frequency (rad/s), the one of the largest bound."""
-    n, m = form.B.shape
+    """Signal of a frequency (rad/s), the one of the largest bound above mu; a silent one where none has any."""
     try:
-        z = np.vstack([np.linalg.solve(1j * omega * np.eye(n) - form.A, form.B.astype(complex)), np.eye(m)])
+        x: Complex = np.linalg.solve(1j * omega * np.eye(len(form.A)) - form.A, form.B.astype(complex))
     except np.linalg.LinAlgError:
         return SILENT
-    return worst(form, z, mu, apart)
+    return worst(form, x, mu, apart)
 
 
-def worst(form: Eliminated, z: Float, mu: float, apart: int) -> Signal:
-    """Signal of the largest bound among some, z* (Qc + mu Qm) z <= 0, z = [x; w].
+def worst(form: Eliminated, x: Complex, mu: float, apart: int) -> Signal:
+    """Signal of the largest bound above mu among those of w and x times w, z = [x; 1] and z* (Qc + mu Qm) z <= 0.
 
     The largest eigenvalue of that at a mu gives a signal, whose bound is the next mu, until it is that of mu itself.
     """
-    found = SILENT
-    Qc, Qm = (z.conj().T @ Q @ z for Q in (form.Qc, form.Qm))
+    from scipy.linalg import eigh
+
+    found, last = SILENT, x.shape[1] - 1
+    if negative(along(form.Qc + mu * form.Qm, x)):
+        return found
+    z = np.vstack([x, np.eye(x.shape[1])])
+    Qc, Qm = (along(Q, x) for Q in (form.Qc, form.Qm))
     for _ in range(DINKELBACH):
-        values, vectors = np.linalg.eigh(Qc + mu * Qm)
-        signal = Signal.of(form, z @ vectors[:, -1:], apart)
-        if not values[-1] > 0 or not signal.bound > found.bound:
+        values, vectors = eigh(Qc + mu * Qm, subset_by_index=[last, last])
+        signal = Signal.of(form, z @ vectors, apart)
+        if not values[0] > 0 or not signal.bound > found.bound:
             break
         found, mu = signal, signal.bound
     return found
+
+
+def along(Q: Float, x: Complex) -> Complex:
+    """z* Q z for z = [x; 1], Q real and symmetric."""
+    n = len(x)
+    across = Q[:, :n] @ x.real + 1j * (Q[:, :n] @ x.imag)
+    return np.asarray(x.conj().T @ (across[:n] + Q[:n, n:]) + across[n:] + Q[n:, n:])
+
+
+def negative(M: Complex) -> bool:
+    """Whether a Hermitian matrix is negative definite."""
+    try:
+        np.linalg.cholesky(-M)
+    except np.linalg.LinAlgError:
+        return False
+    return True

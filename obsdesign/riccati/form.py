@@ -86,6 +86,14 @@ class Form:
         Qc, Qm, Qs = (rows @ Q @ rows.T for Q in (self.Qc, self.Qm, self.Qs))
         return Form(R @ self.A @ R.T, R @ self.B, self.C @ R.T, self.D, Qc, Qm, Qs)
 
+    def moved(self, R: Float) -> "Form":
+        """Same in the states R^-1 e, R nonsingular (n, n)."""
+        rows = np.eye(len(self.Qc))
+        rows[: self.n, : self.n] = R
+        Qc, Qm, Qs = (rows.T @ Q @ rows for Q in (self.Qc, self.Qm, self.Qs))
+        A, B = (np.asarray(np.linalg.solve(R, M)) for M in (self.A @ R, self.B))
+        return Form(A, B, self.C @ R, self.D, Qc, Qm, Qs)
+
     @property
     def supply(self) -> float:
         """Coefficient of mu |v|^2, negative; without v that of 1."""

@@ -20,18 +20,19 @@ UNSEEN = 2e-8  # relative: what that noise may add to mu before less of it is tr
 FADED = 1e-5  # .. before a least mu is left at it because none is clear with less
 QUIET = 1e-2  # rate at which that noise and the noise of the outputs move the error, of the rates of the plant
 FAINT = (1e-8, 1e-10)  # .. where the noise of the outputs is small as well
-PEAK_SHARES = ((1e-4, 1e-5), (1e-7, 1e-8), (1e-10, 1e-11))
 STEP = 16.0  # of mu, down from where there is a solution
 FAR = 256.0  # .. whose X is the first reference
 RANGE = 1e24  # of mu: beyond it nothing is looked for
 CLOSE = 1e-9  # relative, to which the edge is found
 NOISE = 1e-6  # .. by which a bound may be wrong
+SOON = 3e-5  # .. by which it is looked just above one
 WIDER = 8.0  # factor of the step above a bound that did not climb
 ABOVE = 1.5  # .. of a reference above an edge that is known
 ROUNDS = 60
 NEGATIVE = -1e-9  # of the eigenvalues of the first X, relative to the largest
 HALF = 0.5  # .. and of those of every other one, relative to its reference: they are above 1 or one is below 0
 MOST = 0.9  # share of mu that is due to the noise on the states where there is no mu but for it
+FEW, GOLDEN = 12, (5**0.5 - 1) / 2  # frequencies that are looked at at once, and in which order
 BELIEVED = 1e-4  # a relative gap of gamma^2 above this is no answer
 
 
@@ -116,12 +117,8 @@ class Search:
     def refer(self, point: Point) -> Point:
         """Make a solved point the reference: its level is 1."""
         assert point.X is not None
-        X = point.X
-        d = np.sqrt(np.maximum(np.diag(X), 1e-12 * np.diag(X).max(initial=0.0)))
-        values, vectors = np.linalg.eigh(X / np.outer(d, d))
-        kept = np.maximum(values, 1e-13 * values[-1])
-        self.R = d[:, None] * (vectors * np.sqrt(kept))
-        return Point(point.mu, point.equation, point.space, X, 1.0, point.c)
+        self.R = root(point.X)
+        return Point(point.mu, point.equation, point.space, point.X, 1.0, point.c)
 
     def signal(self, point: Point) -> Signal:
         """Signal that bounds mu from below: of a frequency on the axis, or else dying out where X is largest."""
@@ -129,8 +126,26 @@ class Search:
             return fast(self.form, point.mu, self.noises)
         if point.space is not None and point.c is not None:
             return dying(self.form, point.equation, point.space, point.c, self.noises)
-        signals = [periodic(self.form, omega, point.mu, self.noises) for omega in point.equation.frequencies()]
-        return max(signals, key=lambda signal: signal.bound, default=SILENT)
+        return self.oscillating(point.mu, point.equation.frequencies())
+
+    def oscillating(self, mu: float, frequencies: Float) -> Signal:
+        """Signal of one of some frequencies (rad/s) that bounds mu, of a few of them if these do."""
+        best = SILENT
+        spread = np.argsort(np.arange(len(frequencies)) * GOLDEN % 1)
+        for begin in range(0, len(frequencies), FEW):
+            for omega in frequencies[spread[begin : begin + FEW]]:
+                found = periodic(self.form, omega, max(mu, best.bound), self.noises)
+                best = max(best, found, key=lambda signal: signal.bound)
+            if best.bound > mu:
+                break
+        return best
+
+
+def root(X: Float) -> Float:
+    """R, nonsingular, with R R' = X >= 0 to within rounding."""
+    d = np.sqrt(np.maximum(np.diag(X), 1e-12 * np.diag(X).max(initial=0.0)))
+    values, vectors = np.linalg.eigh(X / np.outer(d, d))
+    return np.asarray(d[:, None] * (vectors * np.sqrt(np.maximum(values, 1e-13 * values[-1]))))
 
 
 def least(form: Form) -> Least:
@@ -187,40 +202,13 @@ def same(form: Form, known: Least, near: float) -> bool:
     return bool(abs(search.signal(outside).bound / known.mu - 1) < BELIEVED)
 
 
-def least_peak(form: Form, H: Float) -> Least:
-    """Least mu with P >= H'H for some P, where the form is homogeneous in P and mu: lmax(H X H') for mu = 1.
-
-    X falls with the noise on the states, and no faster than in proportion to its square as that goes to zero.
-    Raises `UnclearError`, as `least`.
-    """
-    reduced, N = without_exact_outputs(form)
-    if not reduced.n or not H.any():
-        return Least(0.0, 0.0, 0.0)
-    balanced, s = reduced.balanced()
-    output = H @ N * s
-    found: list[float] = []
-    for share in peak_shares(balanced):
-        search = Search(Eliminated.of(reached(balanced, share)), reduced.n)
-        if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
-            search.refer(far)
-        point = search.at(1.0)
-        if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
-            raise UnclearError("no P was found")
-        found.append(float(np.linalg.eigvalsh(output @ point.X @ output.T).max(initial=0.0)))
-    noisier, mu = found
-    added = (noisier - mu) / mu if mu > 0 else 1.0
-    if not -NOISE < added < BELIEVED:
-        raise ZeroError("the least gamma is zero, or too small to be told from it")
-    return Least(mu, mu, max(added, 0.0))
-
-
 def of_noisy(form: Form, share: float, noisier: Least | None = None) -> Least:
     """Least mu with a small noise on every state, and how much of it that noise adds.
 
     `noisier`: that with more noise, just below which it is. Raises `UnclearError`.
     """
-    search = Search(Eliminated.of(reached(form, share)), form.n)
-    inside, outside = bracket(search) if noisier is None else close(search, noisier)
+    search, far = far_above(reached(form, share), form.n, noisier)
+    inside, outside = bracket(search, far) if noisier is None else close(search, noisier)
     inside, best = narrowed(search, inside, outside)
     found = Least(inside.mu, best.bound, best.apart, share)
     if found.added > MOST:
@@ -250,15 +238,6 @@ def quiet(form: Form, share: float) -> bool:
     return bool(share * np.linalg.norm(form.B[:, supplied], 2) * seen <= QUIET * np.linalg.norm(form.A, 2))
 
 
-def peak_shares(form: Form) -> tuple[float, float]:
-    """Sizes of the noise on the states with which a peak is found. Raises `UnclearError`: none is small enough."""
-    found = next((shares for shares in PEAK_SHARES if quiet(form, shares[-1])), None)
-    if found is None:
-        require_quiet(form, PEAK_SHARES[-1][-1])
-    assert found
-    return found
-
-
 def require_quiet(form: Form, share: float) -> None:
     """Refuse a least mu that may be that of the noise on the states. Raises `UnclearError`."""
     if not quiet(form, share):
@@ -266,25 +245,36 @@ def require_quiet(form: Form, share: float) -> None:
 
 
 def first(search: Search) -> Point:
-    """A point with a solution far above the least mu; it becomes the reference.
-
-    Raises `UnclearError`: there is none.
-    """
+    """A point with a solution far above the least mu. Raises `UnclearError`: there is none."""
     mu, most = 1.0, RANGE
     while mu < most:
-        point = search.at(mu)
-        if point.solved and search.at(FAR * mu).solved:
-            return search.refer(search.at(FAR * mu))
+        if search.at(mu).solved and (far := search.at(FAR * mu)).solved:
+            return far
         mu *= FAR
     raise UnclearError("no gamma was found that can be reached")
 
 
-def bracket(search: Search) -> tuple[Point, Point]:
-    """Neighbours of which the first has a solution and the second has none.
+def far_above(form: Form, states: int, noisier: Least | None) -> tuple[Search, Point]:
+    """A search in the coordinates in which X of some mu far above the least is 1, and that point, its reference.
+
+    There X is at least about 1 for every mu below: rounding is relative to the smallest there is in every direction.
+    `noisier`: the least mu of more noise. Raises `UnclearError`: no such mu was found.
+    """
+    search = Search(Eliminated.of(form), states)
+    far = first(search) if noisier is None else search.at(FAR * noisier.mu)
+    if far.X is not None and far.solved:
+        search = Search(Eliminated.of(form.moved(root(far.X))), states)
+        far = search.at(far.mu)
+        if far.solved:
+            return search, search.refer(far)
+    raise UnclearError("the least gamma is not clear in double precision")
+
+
+def bracket(search: Search, inside: Point) -> tuple[Point, Point]:
+    """Neighbours below a point with a solution of which the first has one and the second has none.
 
     Raises `UnclearError`: no mu was found that has none.
     """
-    inside = first(search)
     least = inside.mu / RANGE
     while inside.mu > least:
         point = search.at(inside.mu / STEP)
@@ -296,15 +286,12 @@ def bracket(search: Search) -> tuple[Point, Point]:
 
 def close(search: Search, noisier: Least) -> tuple[Point, Point]:
     """The same about what is left of a least mu with more noise. Raises `UnclearError`: it is not there."""
-    far = search.at(FAR * noisier.mu)
-    if far.solved:
-        search.refer(far)
-        inside = search.at(noisier.mu * ABOVE)
-        if inside.solved:
-            inside = search.refer(inside)
-            outside = search.at(noisier.mu * (1 - 2 * noisier.added - NOISE))
-            if not outside.solved:
-                return inside, outside
+    inside = search.at(noisier.mu * ABOVE)
+    if inside.solved:
+        inside = search.refer(inside)
+        outside = search.at(noisier.mu * (1 - 2 * noisier.added - NOISE))
+        if not outside.solved:
+            return inside, outside
     raise UnclearError("the least gamma is not clear in double precision")
 
 
@@ -318,14 +305,16 @@ def narrowed(search: Search, inside: Point, outside: Point, near: float = CLOSE)
     best, step = SILENT, near
     for _ in range(ROUNDS):
         found = search.signal(outside)
+        if found.bound <= outside.mu * (1 + CLOSE):  # at the edge, or below rounding
+            found = max(found, search.signal(inside), key=lambda signal: signal.bound)
         if found.bound > inside.mu * (1 + NOISE):
             raise UnclearError("the least gamma is not clear in double precision")
         best = max(best, found, key=lambda signal: signal.bound)
         if inside.mu <= max(best.bound, outside.mu) * (1 + step):
             break
-        if found.bound <= outside.mu * (1 + near):
+        if found.bound <= outside.mu * (1 + CLOSE):
             step *= WIDER
-            mu = outside.mu * (1 + step) if best.bound > 0 and step < NOISE else math.sqrt(outside.mu * inside.mu)
+            mu = outside.mu * (1 + step) if best.bound > 0 and step < SOON else math.sqrt(outside.mu * inside.mu)
         else:
             mu = min(best.bound * (1 + step), math.sqrt(best.bound * inside.mu))
         point = search.at(mu)

@@ -12,10 +12,51 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import dying
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
-from obsdesign.riccati.least import BELIEVED, Least, Search, least_peak, peak_shares, reached
+from obsdesign.riccati.least import BELIEVED, FAR, NOISE, Least, Search, quiet, reached, require_quiet, root
 from obsdesign.riccati.scaled import GRID, Best, Scales, closed, sought
 
+PEAK_SHARES = ((1e-4, 1e-5), (1e-7, 1e-8), (1e-10, 1e-11))  # of the size of v: noise on every state
 BACK = (1.0, 0.5, 0.25, 0.1, 0.01)  # shares of the way from the best scales to those that the cuts allow
+
+
+def least_peak(form: Form, H: Float) -> Least:
+    """Least mu with P >= H'H for some P, where the form is homogeneous in P and mu: lmax(H X H') for mu = 1.
+
+    X falls with the noise on the states, and no faster than in proportion to its square as that goes to zero.
+    Raises `UnclearError`, as `least`.
+    """
+    reduced, N = without_exact_outputs(form)
+    if not reduced.n or not H.any():
+        return Least(0.0, 0.0, 0.0)
+    balanced, s = reduced.balanced()
+    output = H @ N * s
+    found: list[float] = []
+    for share in peak_shares(balanced):
+        search = Search(Eliminated.of(reached(balanced, share)), reduced.n)
+        if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
+            search.refer(far)
+        point = search.at(1.0)
+        if not point.solved or point.X is None:
+            raise UnclearError("no P was found")
+        R = root(point.X)
+        point = Search(Eliminated.of(reached(balanced, share).moved(R)), reduced.n).at(1.0)
+        if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
+            raise UnclearError("no P was found")
+        found.append(float(np.linalg.eigvalsh(output @ R @ point.X @ R.T @ output.T).max(initial=0.0)))
+    noisier, mu = found
+    added = (noisier - mu) / mu if mu > 0 else 1.0
+    if not -NOISE < added < BELIEVED:
+        raise ZeroError("the least gamma is zero, or too small to be told from it")
+    return Least(mu, mu, max(added, 0.0))
+
+
+def peak_shares(form: Form) -> tuple[float, float]:
+    """Sizes of the noise on the states with which a peak is found. Raises `UnclearError`: none is small enough."""
+    found = next((shares for shares in PEAK_SHARES if quiet(form, shares[-1])), None)
+    if found is None:
+        require_quiet(form, PEAK_SHARES[-1][-1])
+    assert found
+    return found
 
 
 class PeakScales(Scales):

@@ -20,12 +20,14 @@ from obsdesign.riccati.least import (
     BELIEVED,
     FAR,
     Least,
+    Point,
     Search,
     least,
     narrowed,
     quiet,
     reached,
     require_quiet,
+    root,
 )
 
 SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,), (3e-3,))  # of the size of v: noise on every state; downwards, or else more
@@ -80,6 +82,7 @@ class Scales:
         self.form, self.states, self.strict = form, states, strict  # strict: a least mu without its bound ends it
         self.cuts: list[Cut] = []
         self.best: Best | None = None
+        self.settled = False  # whether the coordinates are those in which some X far above the least mu is 1
 
     def cut(self, signal: Signal, scales: Float) -> None:
         """Keep what a signal says."""
@@ -97,10 +100,7 @@ class Scales:
 
     def look(self, scales: Float, cap: float) -> bool:
         """Least mu at some scales, kept where it is below a cap and the best; else what the cap is refuted by."""
-        search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
-        far = search.at(FAR * cap)
-        if far.solved:
-            search.refer(far)
+        search, far = self.far(scales, cap)
         inside = search.at(cap)
         if not far.solved or not inside.solved:
             self.cut(search.signal(far if not far.solved else inside), scales)
@@ -113,13 +113,24 @@ class Scales:
             outside, further = search.at(inside.mu / further), FAR
             if outside.mu < cap * 1e-20:
                 raise ZeroError("the least gamma is zero, or too small to be told from it")
-        inside, signal = narrowed(search, inside, outside, ENOUGH / 30)
+        inside, signal = narrowed(search, inside, outside, ENOUGH / 4)
         if self.strict and not inside.mu < signal.bound * (1 + LOOSE):
             raise UnclearError("the least gamma is not clear in double precision")
         self.cut(signal, scales)
         if self.best is None or inside.mu < self.best.mu:
             self.best = Best(scales, inside.mu, signal)
         return True
+
+    def far(self, scales: Float, cap: float) -> tuple[Search, Point]:
+        """Points at some scales, and the one far above a cap. The first with a solution sets the coordinates."""
+        search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
+        far = search.at(FAR * cap)
+        if far.X is None or not far.solved:
+            return search, far
+        if self.settled:
+            return search, search.refer(far)
+        self.form, self.settled = self.form.moved(root(far.X)), True
+        return self.far(scales, cap)
 
     def step(self, scales: Float, level: float) -> None:  # noqa: ARG002 - a level, where mu is not free
         """Look at scales that may have a level."""
