@@ -185,11 +185,11 @@ class Designer:
         if not self.engine.eliminates or self.request.bounds.restricted:
             return None
         found = proved_small(self.engine, family, gamma, self.request.kept)
-        made = found and self.claimed(found.certificate.family, found.certificate)
+        made = found and self.claimed(found[0].family, found[0])
         if not found or not made or made.status is not Verdict.CERTIFIED:
             return None
-        self.notes.append(found.said(family.about.gain, why))
-        return self.completed(found.certificate.family, made)
+        self.notes.append(found[1].said(family.about.gain, why))
+        return self.completed(found[0].family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""

@@ -13,13 +13,13 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import round_up, significant, square_below
-from obsdesign.dissipation.elimination import LARGE, central_gains
+from obsdesign.dissipation.elimination import LARGE
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size, unplaced
 from obsdesign.dissipation.modes import EXPONENTIALS, POWERS
 from obsdesign.dissipation.scaling import Factors, scaling
 from obsdesign.dissipation.scan import edge
-from obsdesign.dissipation.smaller import proved_small, said
+from obsdesign.dissipation.smaller import candidates, proved_small
 from obsdesign.families.lipschitz.claim import Claim, held, needed
 from obsdesign.families.lipschitz.reasons import gate, too_small
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz
@@ -145,18 +145,23 @@ class Study:
         """Gain of a Riccati equation that reaches a gamma at the declared constant, its proof, and a note on it."""
         family = self.unit.stretched(self.declared)
         found = proved_small(self.engine, family, gamma, self.request.storage) if self.centered else None
-        if found is None or found.certificate.family.L1 is None:
+        if found is None or found[0].family.L1 is None:
             return None
-        return -found.certificate.family.L1, Claim(self.declared, found.certificate), found.said("L", CENTRAL)
+        return -found[0].family.L1, Claim(self.declared, found[0]), found[1].said("L", CENTRAL)
 
     def central_for(self, constant: fmpq) -> tuple[Array, Claim, str] | None:
-        """Central gain for a constant, its proof with nearly the least gamma that it has, and a note; or None."""
+        """Same for a constant, with nearly the least gamma that it has; None if none is proved.
+
+        A gain that just reaches the constant has a large gamma: one by descent is of use where there is no v.
+        """
         if not self.centered or len(self.unit.multiplier.blocks) > 1:
             return None
-        for found in central_gains(self.unit.undisturbed().stretched(constant), 1.0, np.ones(1)):
-            L = printed(significant(-found.L, CENTRAL_DIGITS))
+        family = self.unit.undisturbed().stretched(constant)
+        ones = {unknown.name: printed(np.ones((1, 1))) for unknown in family.multiplier.unknowns()}
+        for found in candidates(family, 1.0, ones, smaller=not self.disturbed):
+            L = printed(significant(-found.gain.L, CENTRAL_DIGITS))
             if claim := self.proved(L, constant):
-                return L, claim, said("L", CENTRAL)
+                return L, claim, found.said("L", CENTRAL)
         return None
 
     def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
