@@ -21,6 +21,7 @@ from obsdesign.lmi.formula import (
     he,
     identity,
     in_floats,
+    product,
     rational,
     rational_number,
     symmetric,
@@ -536,3 +537,12 @@ def test_powers_of_two_scale_eigenvalues_and_nothing_else(seed, n, power):
     X = rational(integers(np.random.default_rng(seed), n, n))
     for ball, scaled in zip(extremes(X @ X.T), extremes(fmpq(2) ** power * X @ X.T), strict=True):
         assert upper(scaled) == pytest.approx(upper(ball) * 2.0**power, rel=1e-15)
+
+
+@given(st.integers(0, 4), st.integers(1, 4), st.integers(1, 4), st.integers(0, 2**32 - 1))
+def test_a_product_of_rationals_is_exact(n, m, k, seed):
+    draw = np.random.default_rng(seed).integers
+    X, Y = (np.vectorize(fmpq, otypes=[object])(draw(-9, 9, shape), draw(1, 9, shape)) for shape in ((n, m), (m, k)))
+    made = product(X, Y)
+    assert made.shape == (n, k)
+    assert (made == X @ Y).all()

@@ -31,6 +31,7 @@ KNOWN = [  # by another program, and in part by matrix inequalities
     pytest.param(chain(8, springs=(0, 1, 3)), 0.2685344, id="three springs"),
     pytest.param(heat(12), 0.0359169, id="heat 12"),
     pytest.param(heat(32), 0.0353804, id="heat 32", marks=SLOW),
+    pytest.param(heat(128), 0.0352372, id="heat 128", marks=SLOW),
     pytest.param(beam(8), 0.2725422, id="beam 8"),
     pytest.param(beam(12), 0.4721457, id="beam 12"),
     pytest.param(beam(16), 0.480687, id="beam 16"),
@@ -190,3 +191,10 @@ def test_types_without_a_scale_each_and_small_plants_are_left_to_the_inequalitie
     assert form_of(in_doubles(text.replace("slope: [-1, 1]", "slope: [0, .inf]"))) is None
     assert form_of(in_doubles(text.replace("type: l2", "type: l2, L2: free"))) is None
     assert least_gamma(Engine(), in_doubles(chain(4))) is None
+
+
+def test_the_least_mu_of_scales_is_the_same_in_any_states():
+    form = form_of(in_doubles(chain(8)))
+    R = np.linalg.qr(np.random.default_rng(3).normal(size=(form.n,) * 2)).Q * 10.0 ** np.linspace(-2, 2, form.n)
+    (one, _), (other, _) = least_scaled(form), least_scaled(form.moved(R))
+    assert other.mu == pytest.approx(one.mu, rel=3e-5)

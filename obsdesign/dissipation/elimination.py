@@ -132,7 +132,7 @@ def least_gamma(
     if key in engine.recalled:
         return engine.recalled[key]
     try:
-        form, passive = form_of(family), None
+        form, passive = (whole if separate(whole, family.plant.Bf.shape[1]) else None), None
         if form is None and (passive := monotone_form(family)):
             form = passive.form
     except (UnclearError, np.linalg.LinAlgError):

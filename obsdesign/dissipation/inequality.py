@@ -36,6 +36,7 @@ from obsdesign.lmi.formula import (
     he,
     identity,
     in_floats,
+    product,
     symmetric,
     zeros,
 )
@@ -112,7 +113,7 @@ class Incremental(ABC):
         return [
             Inequality(
                 self.about.decrease,
-                self.dissipation(v, weight * (self.H.mT @ self.H), supply),
+                self.dissipation(v, weight * product(self.H.mT, self.H), supply),
                 strict=self.about.at_rest == "strict" and not self.rate,
             ),
             Inequality(POSITIVE, -v["P"], strict=True),
@@ -128,7 +129,7 @@ class Incremental(ABC):
         p, P, Y = self.plant, v["P"], v["Y"]
         none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
         rise = np.concatenate([P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1)
-        stored = symmetric([[he(P @ p.A + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
+        stored = symmetric([[he(product(P, p.A) + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
         return stored_and_supplied(stored, self.supplied(v, Q, m))
 
     @property
@@ -324,9 +325,8 @@ class Incremental(ABC):
     @property
     def injection(self) -> Injection | None:
         """Y enters (13) as He([I; 0] Y [C Df -D]), where it is unknown."""
-        return (
-            None if self.L1 is not None else Injection("Y", np.eye(self.residual.shape[1], self.plant.n), self.residual)
-        )
+        output = self.residual
+        return None if self.L1 is not None else Injection("Y", np.eye(output.shape[1], self.plant.n), output)
 
     @property
     def residual(self) -> Array:

@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
 Array = npt.NDArray[Any]
 Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
@@ -120,6 +120,14 @@ class Problem:
 def he(X: Array) -> Array:
     """Return X + X'."""
     return X + X.mT
+
+
+def product(X: Array, Y: Array) -> Array:
+    """Return X @ Y; of two rational matrices through integers over one denominator each, which large ones ask for."""
+    if X.ndim != 2 or Y.ndim != 2 or X.dtype != object or Y.dtype != object or not X.size or not Y.size:
+        return np.asarray(X @ Y)
+    made = fmpq_mat(*X.shape, X.ravel().tolist()) * fmpq_mat(*Y.shape, Y.ravel().tolist())
+    return np.array(made.entries(), dtype=object).reshape(len(X), Y.shape[1])
 
 
 def combined(*pairs: tuple[Array, Array]) -> Array:
