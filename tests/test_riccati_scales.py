@@ -125,8 +125,11 @@ def test_the_limit_does_not_depend_on_units_of_states_and_of_f(told, known):
     assert math.sqrt(found.mu) == pytest.approx(known, rel=1e-5)
 
 
-@pytest.mark.parametrize(("told", "known"), [({}, 0.2253467), ({"type": "linf", "alpha": 0.05}, 1.7338655)])
-def test_a_design_of_a_large_plant_is_proved(told, known):
+@pytest.mark.parametrize(
+    ("told", "known", "gain"), [({}, 0.2253467, 192), ({"type": "linf", "alpha": 0.05}, 1.7338655, 10)]
+)
+def test_a_design_of_a_large_plant_is_proved(told, known, gain):
+    """Its gain is not larger than the smallest that inequalities find, 191.5 and 11."""
     made = od.solve(od.load(chain(16, **told)))
     assert made.proved
     assert made.verify().holds
@@ -134,8 +137,8 @@ def test_a_design_of_a_large_plant_is_proved(told, known):
     assert made.limit["gap"] < 3e-5
     solver = made.result["solver"]
     assert (solver["engine"], solver["solves"]) == ("riccati", 0)
-    assert np.linalg.norm(made.gains["L1"], 2) < 220
-    assert any("the gain is the central one" in note for note in made.notes)
+    assert np.linalg.norm(made.gains["L1"], 2) < gain
+    assert any("by descent from the central one" in note for note in made.notes)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
-from obsdesign.dissipation.decimals import significant, square_below
+from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed, zeros
@@ -284,26 +284,6 @@ def gain_above(engine: Engine, family: Incremental, gamma: float) -> Float | Non
         return None
     found = gain_near(form.scaled(array(known.values)), 1.0 if family.about.peak else gamma**2)
     return None if found is None else per_step(family) * found
-
-
-def proved_central(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
-    """Certificate of the first central gain that is proved to reach gamma; None if none is.
-
-    `family`: in rationals, its scales those of the least gamma; `bounds`: of the spec on P and on the poles.
-    """
-    scales = scales_of(engine, family)
-    if scales is None:
-        return None
-    level = printed(gamma)
-    mu = square_below(level)
-    for found in central_gains(family, gamma, array(scales)):
-        for digits, of_P in zip(DIGITS, OF_P, strict=True):
-            values = {**rounded({"P": found.P}, of_P), **scales}
-            candidate = replace(family, L1=printed(significant(found.L, digits)))
-            certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
-            if certificate.holds:
-                return certificate
-    return None
 
 
 def scales_of(engine: Engine, family: Incremental) -> dict[str, Array] | None:

@@ -1,6 +1,9 @@
 """Gains of large plants with f that are known to be monotone only, by Riccati equations, and their proof."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
+from itertools import chain
 
 import numpy as np
 from flint import fmpq
@@ -22,14 +25,19 @@ from obsdesign.dissipation.elimination import (
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.equality import tied, with_equality
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.lmi.formula import in_floats, printed
+from obsdesign.dissipation.smaller import LESS, Candidate
+from obsdesign.lmi.formula import Array, Float, in_floats, printed
 from obsdesign.lmi.proof import rounded
+from obsdesign.riccati.descent import descended
 from obsdesign.riccati.form import Form, UnclearError
 from obsdesign.riccati.passive import gains
+from obsdesign.riccati.silent import SilentBarrier, untied
 
 
-def proved_monotone(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
-    """Certificate of the first central gain that is proved to reach gamma; None where none is, or without such f.
+def proved_monotone(
+    engine: Engine, family: Incremental, gamma: float, bounds: Bounds
+) -> tuple[Certificate, Candidate] | None:
+    """Certificate of the first gain that is proved to reach gamma; None where none is, or without such f.
 
     `family`: in rationals; `bounds`: of the spec on P and on the poles.
     """
@@ -38,17 +46,37 @@ def proved_monotone(engine: Engine, family: Incremental, gamma: float, bounds: B
     if form is None or scales is None:
         return None
     level = printed(gamma)
-    mu, nf = square_below(level), family.plant.Bf.shape[1]
-    known, rate = array(tied(family, scales)), float(family.rate)
-    for found, of_form in gains(form, nf, known, rate, (gamma * (1 - ROOM)) ** 2):
-        exact = tied(family, rounded(named(family, of_form), OF_SCALES))
+    mu = square_below(level)
+    for found in candidates(form, family, gamma, array(tied(family, scales))):
         for digits, of_P in zip(DIGITS, OF_P, strict=True):
-            values = with_equality(family, {**rounded({"P": found.P}, of_P), **exact})
-            candidate = replace(family, L1=printed(significant(found.L, digits)))
+            values = with_equality(family, {**rounded({"P": found.gain.P}, of_P), **found.scales})
+            candidate = replace(family, L1=printed(significant(found.gain.L, digits)))
             certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
             if certificate.holds:
-                return certificate
+                return certificate, found
     return None
+
+
+def candidates(form: Form, family: Incremental, gamma: float, known: Float) -> Iterator[Candidate]:
+    """Gains that reach gamma: one by descent from the first central one, or else the central ones.
+
+    `known`: scales of the least gamma.
+    """
+    level, nf, rate = (gamma * (1 - ROOM)) ** 2, family.plant.Bf.shape[1], float(family.rate)
+
+    def exact(scales: Float) -> dict[str, Array]:
+        return tied(family, rounded(named(family, scales), OF_SCALES))
+
+    found = gains(form, nf, known, rate, level)
+    first = next(found, None)
+    if first is None:
+        return
+    central, scales = first
+    free, start, ties = untied(form, nf, scales)
+    made = descended(free, rate, level, central, start, of=partial(SilentBarrier, nf=nf))
+    if made and made[0].size < LESS * central.size:
+        yield Candidate(made[0], exact(ties @ made[1]), central.size)
+    yield from (Candidate(one, exact(of_one), one.size) for one, of_one in chain([first], found))
 
 
 def unseparated(family: Incremental) -> Form | None:
