@@ -83,6 +83,21 @@ def solved():
     return od.solve(od.load(chain(12, **PLANTS["a damper and a spring"])))
 
 
+@SLOW
+def test_given_gains_are_certified_without_inequalities():
+    text = chain(12, **DAMPED)
+    gain = od.solve(od.load(text)).gains["L1"].tolist()
+    spec = od.load(text.replace("alpha: 0.02", f"alpha: 0.02, gains: {{L1: {gain}}}"))
+    made = od.solve(spec)
+    engine = Engine()
+    engine.eliminates = False
+    other = design.design(spec, engine)
+    assert made.proved
+    assert made.result["solver"]["solves"] == 0
+    assert not equality(made.claim.certificate).any()
+    assert float(made.claim.certificate.gamma) == pytest.approx(float(other.claim.certificate.gamma), rel=1e-3)
+
+
 @pytest.mark.parametrize("place", [(6, 6), (2, 6)])
 def test_a_last_digit_of_p_that_f_sees_is_refused(solved, place, tmp_path):
     """The inequality has room for far more, and the equality has none."""

@@ -55,7 +55,7 @@ def monotone_form(family: Incremental) -> Passive | None:
 
     Raises `UnclearError`: doubles do not tell.
     """
-    other = family.about.peak or family.about.pace.sampled or family.L1 is not None
+    other = family.about.peak or family.about.pace.sampled
     form = None if other else inequality_of(family)
     return None if form is None else reduced(form.balanced()[0], family.plant.Bf.shape[1])
 

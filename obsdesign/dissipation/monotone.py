@@ -30,7 +30,7 @@ from obsdesign.lmi.formula import Array, Float, in_floats, printed
 from obsdesign.lmi.proof import rounded
 from obsdesign.riccati.descent import descended
 from obsdesign.riccati.form import Form, UnclearError
-from obsdesign.riccati.passive import gains
+from obsdesign.riccati.passive import gains, storages
 from obsdesign.riccati.silent import SilentBarrier, untied
 
 
@@ -77,6 +77,26 @@ def candidates(form: Form, family: Incremental, gamma: float, known: Float) -> I
     if made and made[0].size < LESS * central.size:
         yield Candidate(made[0], exact(ties @ made[1]), central.size)
     yield from (Candidate(one, exact(of_one), one.size) for one, of_one in chain([first], found))
+
+
+def proved_given_monotone(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
+    """Certificate that a gain that is given reaches gamma; None where no equation gives one, or without such f.
+
+    `family`: in rationals, with L1; `bounds`: of the spec on P and on the poles.
+    """
+    form = unseparated(in_floats(family)) if engine.eliminates and not bounds.restricted else None
+    scales = None if form is None else scales_of(engine, family)
+    if form is None or scales is None:
+        return None
+    exact, level = tied(family, scales), printed(gamma)
+    mu = square_below(level)
+    for P in storages(form, family.plant.Bf.shape[1], array(exact), gamma**2):
+        for digits in OF_P:
+            values = with_equality(family, {**rounded({"P": P}, digits), **exact})
+            certificate = certify(family, level, fmpq(1), mu, values, bounds)
+            if certificate.holds:
+                return certificate
+    return None
 
 
 def unseparated(family: Incremental) -> Form | None:

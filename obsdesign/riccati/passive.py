@@ -20,6 +20,7 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.riccati.central import (
     FASTER,
     FIRST,
+    FOR_GIVEN,
     LARGE,
     ON_OUTPUTS,
     ON_STATES,
@@ -207,6 +208,21 @@ def solution(form: Form, mu: float, fits: Fits, nf: int) -> Central | None:
     except (np.linalg.LinAlgError, UnclearError):
         return None
     return Central(L, left.V @ found[1] @ left.V.T) if np.isfinite(L).all() and fits(X) else None
+
+
+def storages(form: Form, nf: int, scales: Float, mu: float) -> Iterator[Float]:
+    """V Pt V' of a form without outputs for given scales and a mu above the least, those with more room first."""
+    balanced, s = form.balanced()
+    acts, _ = sizes(balanced)
+    for share in FOR_GIVEN:
+        noisy = at_scales(balanced.noisy(np.full(form.n, share * acts), np.zeros(0)), scales)
+        try:
+            left = reduced(noisy, nf)
+            found = left and stored(left.form.scaled(np.ones(1)), mu, lambda _: True)
+        except (np.linalg.LinAlgError, UnclearError):
+            continue
+        if left and found:
+            yield left.V @ found[1] @ left.V.T / np.outer(s, s)
 
 
 def at_scales(form: Form, scales: Float) -> Form:
