@@ -14,11 +14,13 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.certificate import Certificate, rate_of
 from obsdesign.dissipation.claim import best_claim, claim
 from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_central
+from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.monotone import proved_monotone
 from obsdesign.dissipation.scaling import scaling
+from obsdesign.dissipation.smaller import proved_small
 from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
@@ -180,15 +182,16 @@ class Designer:
         return Outcome(status, doubles(candidate), proof)
 
     def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
-        """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
+        """Gain of a Riccati equation that is proved, and a note on it; None where none is, or bounds ask for others."""
         if not self.engine.eliminates or self.request.bounds.restricted:
             return None
-        certificate = proved_central(self.engine, family, gamma, self.request.kept)
-        made = certificate and self.claimed(certificate.family, certificate)
-        if not certificate or not made or made.status is not Verdict.CERTIFIED:
+        asked = self.engine, family, gamma, self.request.kept
+        found = proved_small(*asked) or proved_monotone(*asked)
+        made = found and self.claimed(found[0].family, found[0])
+        if not found or not made or made.status is not Verdict.CERTIFIED:
             return None
-        self.notes.append(f"the gain is the central one of a Riccati equation: {why}; bounds.L1 asks for a smaller one")
-        return self.completed(certificate.family, made)
+        self.notes.append(found[1].said(family.about.gain, why))
+        return self.completed(found[0].family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
