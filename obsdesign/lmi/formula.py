@@ -10,6 +10,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
 from operator import add
@@ -186,6 +187,14 @@ def rational_number(value: Any) -> fmpq:
     return fmpq(fraction.numerator, fraction.denominator)
 
 
+def decimal_number(text: str) -> fmpq:
+    """Exact rational of a decimal text, quicker than of any text. Raises `ValueError`: it is not finite."""
+    number = Decimal(text)
+    if not number.is_finite():
+        raise ValueError(f"{text} is no finite number")
+    return fmpq(*number.as_integer_ratio())
+
+
 def rational(matrix: npt.ArrayLike) -> Array:
     """Exact rationals of a matrix of numbers or of decimal texts, entry by entry."""
     return np.asarray(np.vectorize(rational_number, otypes=[object])(np.asarray(matrix, dtype=object)))
@@ -194,8 +203,8 @@ def rational(matrix: npt.ArrayLike) -> Array:
 def printed(value: Any) -> Any:
     """Rational, or matrix of rationals, of the decimals that print the nearest doubles: what a file can hold."""
     if isinstance(value, np.ndarray):
-        return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(value))
-    return rational_number(repr(float(value)))
+        return np.asarray(np.vectorize(printed, otypes=[object])(value))
+    return decimal_number(repr(float(value)))
 
 
 def approximate(value: fmpq) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.lmi.dominance import definite
-from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, rational
+from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, decimal_number, rational
 from obsdesign.lmi.probe import coordinates, matrices
 from obsdesign.records import dataclass
 
@@ -72,6 +72,8 @@ def holds(inequality: Inequality) -> bool:
 
 def require_rational(inequality: Inequality) -> None:
     """Refuse a matrix with an entry that is no rational."""
+    if all(isinstance(entry, fmpq) for entry in inequality.matrix.flat):
+        return
     for place, entry in np.ndenumerate(inequality.matrix):
         if not isinstance(entry, fmpq):
             where = ", ".join(str(i + 1) for i in place)
@@ -119,7 +121,7 @@ def rounded(values: Values, digits: int) -> dict[str, Array]:
 
 def with_digits(matrix: Array, digits: int) -> Array:
     """Rationals of a matrix at so many significant decimal digits."""
-    return rational(np.vectorize(lambda x: f"{x:.{digits}g}", otypes=[object])(matrix))
+    return np.asarray(np.vectorize(lambda x: decimal_number(f"{x:.{digits}g}"), otypes=[object])(matrix))
 
 
 def complete(
