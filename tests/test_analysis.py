@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from math import factorial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.linalg import expm
 from support.commands import run
 
 import obsdesign as od
-from obsdesign.dissipation import areas, modes
+from obsdesign.dissipation import areas, modes, residues, steps
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.guarantee import outputs
 from obsdesign.files import to_json
@@ -366,10 +367,51 @@ def test_a_large_system_has_the_gains_that_a_small_one_would_be_computed_to_have
     H, of = rng.normal(size=(3, 24)), modes.EXPONENTIALS
     exact = max(areas.largest_area(*of.impulse(*system, H)) for system in systems)
     assert areas.worst_area(of.impulse, systems, H) == pytest.approx(exact, rel=1e-3)
+    chained = np.diag(np.full(23, 3.0), 1) - np.diag(np.linspace(5, 5.1, 24)), systems[0][1]  # modes near each other
+    assert [residues.Spectrum.of(A) is None for A, _ in (*systems, chained)] == [False, False, True]
+    systems.append(chained)
     large = [[*of.amplitudes(*system), of.gain(*system, H)] for system in systems]
     monkeypatch.setattr(modes, "LARGE", 25)
     small = [[*of.amplitudes(*system), of.gain(*system, H)] for system in systems]
     assert np.array(large) == pytest.approx(np.array(small), rel=1e-5)
+
+
+def test_white_noise_is_the_same_as_a_sum_over_modes():
+    rng = np.random.default_rng(0)
+    A, N, E = rng.normal(size=(8, 8)), rng.normal(size=(8, 2)), rng.normal(size=(3, 8))
+    for of, stable in ((modes.EXPONENTIALS, A - 5 * np.eye(8)), (modes.POWERS, A / 5)):
+        assert of.norms(stable, N, E, residues.Spectrum.of(stable)) == pytest.approx(of.norms(stable, N, E), rel=1e-9)
+
+
+def test_the_largest_areas_are_those_of_all_directions():
+    rng = np.random.default_rng(0)
+    h, widths = rng.normal(size=(2, 5, 300)) * np.exp(-np.arange(300) / 40), rng.uniform(size=300)
+    tried = areas.directions(h, widths)
+    every = areas.areas(h, widths, tried)
+    sizes, places = areas.largest_areas(h, widths, tried, 4)
+    assert len(tried) > 100
+    assert sizes == pytest.approx(np.sort(every)[-4:], rel=1e-12)
+    assert every[places] == pytest.approx(sizes, rel=1e-12)
+
+
+def test_explicit_steps_are_the_largest_that_keep_each_mode_within_the_unit_circle():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        poles = -(10.0 ** rng.uniform(-3, 1, 6)) + 1j * rng.normal(size=6)
+        for name, order in (("euler", 1), ("rk4", 4)):
+            h = steps.explicit_steps(poles)[name]
+            for factor, held in ((0.998, True), (1.002, False)):
+                grown = np.polynomial.Polynomial([1 / factorial(k) for k in range(order + 1)])(poles * h * factor)
+                assert (np.abs(grown) <= 1).all() == held
+
+
+def test_powers_vanish_where_every_eigenvalue_is_within_the_unit_circle():
+    rng = np.random.default_rng(0)
+    M = rng.normal(size=(9, 6, 6))
+    M /= np.abs(np.linalg.eigvals(M)).max(axis=1)[:, None, None]
+    assert steps.vanish(0.99 * M)
+    assert steps.vanish((1 - 1e-8) * M)
+    assert not steps.vanish(np.concatenate([0.5 * M, 1.001 * M[:1]]))
 
 
 def test_the_largest_ratio_of_two_forms_is_proved_and_near():

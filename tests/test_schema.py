@@ -14,7 +14,7 @@ from obsdesign.sections.document import compose
 from obsdesign.sections.scalars import Number
 from obsdesign.sections.values import Reader
 
-SPECS = sorted((Path(__file__).parent.parent / "specs").rglob("*.yaml"))
+SPECS = [p for p in sorted((Path(__file__).parent.parent / "specs").rglob("*.yaml")) if p.parent.name != "large"]
 TREES = [yaml.safe_load(path.read_text()) for path in SPECS]
 SCHEMA = json_schema()
 VALID = Draft202012Validator(SCHEMA).is_valid

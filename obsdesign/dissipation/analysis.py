@@ -21,6 +21,8 @@ import numpy as np
 
 from obsdesign.dissipation.areas import largest_area, worst_area
 from obsdesign.dissipation.modes import EXPONENTIALS, INSIDE, LARGE, ROUNDING, Modes
+from obsdesign.dissipation.residues import Spectrum
+from obsdesign.dissipation.steps import exact_step, explicit_steps
 from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.plant import Plant
@@ -29,8 +31,6 @@ from obsdesign.records import dataclass
 MOST = 81  # members
 ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of the opposite ones
 STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where there is no upper bound
-STEPS, FEWER_STEPS = 60, 15  # .. of small systems and of large ones
-FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
 STARTS = 8  # members from which extreme ones are sought, in as many steps as
 ASCENTS = 8
 
@@ -156,8 +156,16 @@ class Errors:
         ]
 
     @cached_property
+    def spectra(self) -> list[Spectrum | None]:
+        """Modes of each of these, of large ones whose modes are well apart; None of the others."""
+        return [Spectrum.of(A) if len(A) >= LARGE else None for A, _, _ in self.systems]
+
+    @cached_property
     def poles(self) -> Array:
         """Poles of each member, (m, n)."""
+        known = [one.poles for one in self.spectra if one]
+        if known and len(known) == len(self.systems):
+            return np.array(known)
         return np.linalg.eigvals(np.array([A for A, _, _ in self.systems]))
 
     @property
@@ -178,42 +186,18 @@ class Errors:
 
     def exact_step(self, unit: float | None) -> float | None:
         """Largest step of the discretisation that holds f and is exact otherwise; None: any, as far as was tried."""
-        from scipy.linalg import expm
-
-        if not self.modes.stable(self.poles):
+        if unit is None or not self.modes.stable(self.poles):
             return None
-        p, n = self.plant, self.plant.n
-        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.distinct]
-        if unit is None or not np.any(forced):
-            return None
-        generator = np.block([[p.A + self.L1 @ p.C, np.eye(n)], [np.zeros((n, 2 * n))]])
-
-        steps, halvings = (STEPS, 20) if n < LARGE else (FEWER_STEPS, 12)
-
-        def unstable(h: float) -> bool:
-            E = expm(h * generator)
-            return any(np.abs(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ F)).max() > 1 + INSIDE for F in forced)
-
-        start = unit / 10
-        while unstable(start):
-            start /= 10
-        low = start
-        for high in (start * np.geomspace(1, unit / start * FARTHEST, steps)).tolist():
-            if unstable(high):
-                break
-            low = high
-        else:
-            return None
-        for _ in range(halvings):
-            middle = (low + high) / 2
-            low, high = (low, middle) if unstable(middle) else (middle, high)
-        return low
+        p = self.plant
+        slopes = np.array([F @ (p.Cq + self.L2 @ p.C) for F in self.distinct])
+        return exact_step(p.A + self.L1 @ p.C, p.Bf + self.L1 @ p.Df, slopes, unit)
 
     def noise_gain(self) -> dict[str, float]:
         """Largest gain over frequency from n to each estimate; empty where a pole is not stable."""
         if not self.modes.stable(self.poles):
             return {}
-        found = np.max([self.modes.amplitudes(A, N) for A, _, N in self.systems], axis=0).tolist()
+        known = zip(self.systems, self.spectra, strict=True)
+        found = np.max([self.modes.amplitudes(A, N, modes) for (A, _, N), modes in known], axis=0).tolist()
         return dict(zip(self.plant.states, found, strict=False))
 
     def noise_norms(self, E: Array) -> Array | None:
@@ -224,13 +208,15 @@ class Errors:
         """
         if not self.bounded or not self.modes.stable(self.poles):
             return None
-        return np.asarray(np.max([self.modes.norms(A, N, E) for A, _, N in self.systems], axis=0))
+        known = zip(self.systems, self.spectra, strict=True)
+        return np.asarray(np.max([self.modes.norms(A, N, E, modes) for (A, _, N), modes in known], axis=0))
 
     def energy_gain(self) -> float | None:
         """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""
         if not self.bounded or not self.modes.stable(self.poles):
             return None
-        return max((self.modes.gain(A, B, self.H) for A, B, _ in self.systems), default=0.0)
+        known = zip(self.systems, self.spectra, strict=True)
+        return max((self.modes.gain(A, B, self.H, modes) for (A, B, _), modes in known), default=0.0)
 
     def channel_gains(self, *, peaks: bool) -> list[float] | None:
         """Gain from each v alone to z, the worst over the members: of energy, or of peaks; None as in `energy_gain`."""
@@ -254,14 +240,14 @@ class Errors:
         aligned with it attain it, and it is no more than the gain from sup|v| to sup|z|.
         """
         stable = [
-            (A, B)
-            for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
+            (A, B, known)
+            for (A, B, _), known, poles in zip(self.systems, self.spectra, self.poles, strict=True)
             if self.modes.decay(poles, ROUNDING).all()
         ]
         with np.errstate(all="ignore"):
             if self.plant.n >= LARGE and not self.modes.sampled:
                 return worst_area(EXPONENTIALS.impulse, stable, self.H)
-            found = [largest_area(*self.impulse(A, B)) for A, B in stable]
+            found = [largest_area(*self.impulse(A, B)) for A, B, _ in stable]
         return max((peak for peak in found if np.isfinite(peak)), default=None)
 
     def impulse(self, A: Array, B: Array) -> tuple[Array, Array]:
@@ -317,17 +303,3 @@ def ball_of(block: Block) -> tuple[Array, Array, Array] | None:
     values, vectors = np.linalg.eigh(M11 + M12 @ center)
     S = np.linalg.inv(np.linalg.cholesky(R)).T
     return center, S, np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
-
-
-def explicit_steps(poles: Array) -> dict[str, float | None]:
-    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; zero if none is, None without a pole."""
-    found = poles[EXPONENTIALS.decay(poles)]
-    if not found.size:
-        return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
-    euler = -2 * found.real / np.abs(found) ** 2
-    found = found[np.abs(found) >= np.abs(found).max() / 2]  # all s h of the left half plane within 2 are stable
-    towards, which = np.unique(found.real / np.abs(found) + 1j * np.abs(found.imag / found), return_inverse=True)
-    z = np.linspace(0, 4, 4001) * towards[:, None]
-    outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
-    rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1][which] / np.abs(found)
-    return {"euler": float(euler.min()), "rk4": float(rk4.min())}

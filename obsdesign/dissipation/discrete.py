@@ -55,7 +55,7 @@ class Discrete(Incremental):
         S = self.supplied(v, Q + left, m)
         if self.L1 is not None:
             N = np.hstack([p.A + self.L1 @ p.C, p.Bf + self.L1 @ p.Df, -(p.B + self.L1 @ p.D)])
-            return stored_and_supplied(N.mT @ P @ N, S)
+            return stored_and_supplied(product(product(N.mT, P), N), S)
         NP = np.concatenate([product(P, p.A) + Y @ p.C, P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1).mT
         below = zeros((*NP.shape[:-2], S.shape[-1] - NP.shape[-2], p.n), [P])  # rows of u
         return symmetric([[S, np.concatenate([NP, below], axis=-2)], [-P]])

@@ -15,7 +15,7 @@ and a family says what W, m and P have to be. `discrete.Discrete` reads the same
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -43,6 +43,7 @@ from obsdesign.lmi.formula import (
 from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 
 ONE = np.ones((1, 1))
 EQUATIONS = (
@@ -110,12 +111,10 @@ class Incremental(ABC):
     def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
         """(13) for the weight of |z|^2 and the supply m, P > 0, and membership of the multiplier."""
         v = {**v, "Y": self.injected(v)}
+        rises = self.dissipation(v, weight * product(self.H.mT, self.H), supply)
+        strict = self.about.at_rest == "strict" and not self.rate
         return [
-            Inequality(
-                self.about.decrease,
-                self.dissipation(v, weight * product(self.H.mT, self.H), supply),
-                strict=self.about.at_rest == "strict" and not self.rate,
-            ),
+            Inequality(self.about.decrease, rises, strict=strict),
             Inequality(POSITIVE, -v["P"], strict=True),
             *self.multiplier.inequalities(v),
         ]

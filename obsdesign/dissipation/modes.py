@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.frequencies import angles, around, distinct, largest
+from obsdesign.dissipation.frequencies import angles, around, distinct, largest, largest_apart
+from obsdesign.dissipation.residues import Residues, Spectrum
 from obsdesign.lmi.formula import Array, identity
 
 INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
@@ -20,6 +21,7 @@ ROUNDING = 1e-14  # of a pole, relative to the largest
 ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
 LARGE = 24  # order from which what is computed of many frequencies, or instants, is computed in another way
 MOST_INSTANTS = 30_000  # of all modes of a system together
+AT_ONCE = 2048  # of the instants, so that what is computed of them stays near the processor
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 FORGOTTEN = 20  # time constants after which what is left of a response in samples is told by its sum
 LARGEST = 2**22  # numbers of it that are told one by one
@@ -39,8 +41,12 @@ class Modes(ABC):
         """Which modes decay, beyond what is rounded."""
 
     @abstractmethod
+    def about(self, poles: Array) -> Array:
+        """Frequencies at which a response can be large: about poles, and zero."""
+
     def frequencies(self, A: Array) -> Array:
-        """Frequencies at which a response can be large: about the poles of a matrix, and zero."""
+        """The same about the poles of a matrix."""
+        return self.about(np.linalg.eigvals(A))
 
     @abstractmethod
     def place(self, omega: Array) -> Array:
@@ -57,12 +63,18 @@ class Modes(ABC):
     def covariance(self, A: Array, W: Array) -> Array:
         """Covariance of e at rest, driven by white noise of the intensity W, (n, n), or in samples the covariance W."""
 
-    def norms(self, A: Array, N: Array, E: Array) -> Array:
+    @abstractmethod
+    def overlap(self, poles: Array) -> Array:
+        """Integral over time, or the sum, of each mode times the conjugate of each, (n, n)."""
+
+    def norms(self, A: Array, N: Array, E: Array, known: Spectrum | None = None) -> Array:
         """H2 norm from each n to each row of E e: rms for white noise of density 1, or in samples of rms 1.
 
         A (n, n) is stable; N (n, m), E (k, n); returns (k, m). In balanced coordinates, where a Lyapunov equation keeps
-        its digits although the units of the states differ by orders.
+        its digits although the units of the states differ by orders. `known`: the modes of A, of which it is a sum.
         """
+        if known:
+            return known.residues(N, E).norms(self.overlap(known.poles))
         from scipy.linalg import matrix_balance
 
         balanced, (units, _) = matrix_balance(A, permute=False, separate=True)
@@ -104,13 +116,26 @@ class Modes(ABC):
 
         return response
 
-    def amplitudes(self, A: Array, B: Array) -> Array:
+    def residues(self, A: Array, B: Array, H: Array | None, known: Spectrum | None) -> Residues | None:
+        """Response of z = H e, or of e, of a large A as a sum over its modes; None where there is no such."""
+        known = known or (Spectrum.of(A) if len(A) >= LARGE else None)
+        return known.residues(B, H) if known else None
+
+    def amplitudes(self, A: Array, B: Array, known: Spectrum | None = None) -> Array:
         """Largest amplitude of each entry of e over frequency, for an input that is a sinusoid with |v| = 1."""
+        if found := self.residues(A, B, None, known):
+            return largest_apart(
+                lambda omega: found.amplitudes(self.place(omega)),
+                lambda omega: found.own(self.place(omega)),
+                self.about(found.poles),
+            )
         response = self.responses(A, B)
         return largest(lambda omega: np.linalg.norm(response(omega), axis=2), self.frequencies(A))
 
-    def gain(self, A: Array, B: Array, H: Array) -> float:
+    def gain(self, A: Array, B: Array, H: Array, known: Spectrum | None = None) -> float:
         """Largest singular value of the response of z = H e over frequency."""
+        if found := self.residues(A, B, H, known):
+            return float(largest(lambda omega: found.gains(self.place(omega)), self.about(found.poles)).item())
         response = self.responses(A, B)
 
         def sizes(omega: Array) -> Array:
@@ -135,13 +160,17 @@ class Exponentials(Modes):
         """Left of the imaginary axis, relative to the largest pole."""
         return np.asarray(poles.real < -slack * np.abs(poles).max(initial=0.0))
 
-    def frequencies(self, A: Array) -> Array:
+    def about(self, poles: Array) -> Array:
         """In rad/s."""
-        return around(np.linalg.eigvals(A))
+        return around(poles)
 
     def place(self, omega: Array) -> Array:
         """On the imaginary axis."""
         return np.asarray(1j * omega)
+
+    def overlap(self, poles: Array) -> Array:
+        """Of exp(s t)."""
+        return np.asarray(-1 / (poles[:, None] + poles.conj()))
 
     def covariance(self, A: Array, W: Array) -> Array:
         """X of A X + X A' + W = 0."""
@@ -149,13 +178,15 @@ class Exponentials(Modes):
 
         return np.asarray(solve_continuous_lyapunov(A, -W))
 
-    def impulse(self, A: Array, B: Array, H: Array, every: int = 1) -> tuple[Array, Array]:
+    def impulse(
+        self, A: Array, B: Array, H: Array, every: int = 1, known: Spectrum | None = None
+    ) -> tuple[Array, Array]:
         """H exp(A t) B, from its modes, with the widths of the trapezoidal rule; `every`: of how many instants one is.
 
         Not a number where the modes are too close to each other to be told apart.
         """
-        values, V = np.linalg.eig(A)
-        if np.linalg.cond(V) > 1 / ILL:
+        values, V = (known.poles, known.V) if known else np.linalg.eig(A)
+        if not known and np.linalg.cond(V) > 1 / ILL:
             return np.full((B.shape[1], len(H), 1), np.nan), np.ones(1)
         ends = 25 / np.abs(values.real)
         counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
@@ -165,9 +196,12 @@ class Exponentials(Modes):
         residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
         residues, values = residues[..., values.imag >= 0], values[values.imag >= 0]  # of a pair, twice the real part
         residues = residues * np.where(values.imag > 0, 2, 1)
-        decaying = np.exp(values.real[:, None] * t)
-        angle = values.imag[:, None] * t
-        return residues.real @ (decaying * np.cos(angle)) - residues.imag @ (decaying * np.sin(angle)), widths(t)
+        shares = np.concatenate([residues.real, -residues.imag], axis=-1)
+        h = np.empty((*shares.shape[:2], len(t)))
+        for part in (slice(first, first + AT_ONCE) for first in range(0, len(t), AT_ONCE)):
+            decaying, angle = np.exp(values.real[:, None] * t[part]), values.imag[:, None] * t[part]
+            h[..., part] = shares @ np.concatenate([decaying * np.cos(angle), decaying * np.sin(angle)])
+        return h, widths(t)
 
 
 def courses(modes: set[tuple[float, int]]) -> list[Array]:
@@ -178,8 +212,8 @@ def courses(modes: set[tuple[float, int]]) -> list[Array]:
     if sum(count for _, count in modes) <= MOST_INSTANTS:
         return [np.linspace(0, end, count) for end, count in modes]
     pieces, start, left = [], 0.0, sorted(modes)
-    for k, (end, _) in enumerate(left):
-        step = min(last / (count - 1) for last, count in left[k:])
+    steps = np.array([last / (count - 1) for last, count in left])
+    for (end, _), step in zip(left, np.minimum.accumulate(steps[::-1])[::-1].tolist(), strict=True):
         pieces.append(np.linspace(start, end, 1 + ceil((end - start) / step)))
         start = end
     return pieces
@@ -198,13 +232,17 @@ class Powers(Modes):
         """Within the unit circle."""
         return np.asarray(np.abs(poles) < 1 - slack)
 
-    def frequencies(self, A: Array) -> Array:
+    def about(self, poles: Array) -> Array:
         """In rad a sample."""
-        return angles(np.linalg.eigvals(A))
+        return angles(poles)
 
     def place(self, omega: Array) -> Array:
         """On the unit circle."""
         return np.asarray(np.exp(1j * omega))
+
+    def overlap(self, poles: Array) -> Array:
+        """Of z^k."""
+        return np.asarray(1 / (1 - poles[:, None] * poles.conj()))
 
     def covariance(self, A: Array, W: Array) -> Array:
         """X of A X A' - X + W = 0."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -17,6 +17,7 @@ from obsdesign.dissipation.shift import shifted_plant
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import Array, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
+from obsdesign.records import dataclass
 
 TABLE = (
     1e1,

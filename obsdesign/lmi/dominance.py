@@ -10,7 +10,7 @@ from math import ldexp
 import numpy as np
 from flint import fmpq_mat, fmpz, fmpz_mat
 
-from obsdesign.lmi.formula import Array, Float
+from obsdesign.lmi.formula import Array
 
 BITS = 22  # of T, below its largest entry
 KEPT = 64  # leading bits of an integer that make its double
@@ -35,9 +35,11 @@ def congruence(N: fmpz_mat) -> fmpz_mat | None:
     if any(rows[i][i] <= 0 for i in range(n)):
         return None
     half = [rows[i][i].bit_length() // 2 for i in range(n)]
+    scaled: Array = np.zeros((n, n))  # its lower triangle, which is what is factorised
     try:
-        scaled = np.array([[shifted(rows[i][j], half[i] + half[j]) for j in range(n)] for i in range(n)])
-        inverse: Float = np.linalg.inv(np.linalg.cholesky(scaled)).T
+        for i in range(n):
+            scaled[i, : i + 1] = [shifted(rows[i][j], half[i] + half[j]) for j in range(i + 1)]
+        inverse: Array = np.linalg.inv(np.linalg.cholesky(scaled)).T
     except (np.linalg.LinAlgError, OverflowError):
         return None
     if not np.isfinite(inverse).all():

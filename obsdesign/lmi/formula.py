@@ -9,7 +9,7 @@ affine map), on float64 matrices (margins) and on rationals (the proof). Rationa
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
@@ -19,6 +19,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 from flint import fmpq, fmpq_mat
+
+from obsdesign.records import dataclass
 
 Array = npt.NDArray[Any]
 Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
@@ -176,13 +178,19 @@ def zeros(shape: tuple[int, ...], like: Sequence[Array]) -> Array:
 
 def identity(n: int, like: Array) -> Array:
     """Identity matrix in the numbers of the given array."""
-    return rational(np.eye(n)) if like.dtype == object else np.eye(n)
+    if like.dtype != object:
+        return np.eye(n)
+    made = zeros((n, n), [like])
+    np.fill_diagonal(made, fmpq(1))
+    return made
 
 
 def rational_number(value: Any) -> fmpq:
     """Exact rational of a decimal or "p/q" text, an integer, a fraction, or a double (its binary value)."""
     if isinstance(value, fmpq):
         return value
+    if isinstance(value, float):
+        return fmpq(*value.as_integer_ratio())
     fraction = Fraction(value)
     return fmpq(fraction.numerator, fraction.denominator)
 

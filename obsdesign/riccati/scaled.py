@@ -30,8 +30,7 @@ from obsdesign.riccati.least import (
     root,
 )
 
-SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,), (3e-3,))  # of the size of v: noise on every state; downwards, or else more
-MOST = 3e-3  # the largest of these, tried only where it is quiet and every least mu has its bound
+SHARES = (1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
 UNSEEN = 1e-5  # relative: what that noise may add to mu before less of it is tried
 GRID = tuple(float(factor) for factor in np.exp(3.0 * np.arange(-8, 9)))  # factors of a common scale, to begin with
 HIGH = (1e3, 1e6)  # of the size of mu: where it is tried whether scales have a solution at all
@@ -78,8 +77,8 @@ class Best:
 class Scales:
     """Cuts, and the best scales, of one form whose states are balanced and have noise."""
 
-    def __init__(self, form: Form, states: int, *, strict: bool = False) -> None:
-        self.form, self.states, self.strict = form, states, strict  # strict: a least mu without its bound ends it
+    def __init__(self, form: Form, states: int) -> None:
+        self.form, self.states = form, states
         self.cuts: list[Cut] = []
         self.best: Best | None = None
         self.settled = False  # whether the coordinates are those in which some X far above the least mu is 1
@@ -114,7 +113,7 @@ class Scales:
             if outside.mu < cap * 1e-20:
                 raise ZeroError("the least gamma is zero, or too small to be told from it")
         inside, signal = narrowed(search, inside, outside, ENOUGH / 4)
-        if self.strict and not inside.mu < signal.bound * (1 + LOOSE):
+        if not inside.mu < signal.bound * (1 + LOOSE):
             raise UnclearError("the least gamma is not clear in double precision")
         self.cut(signal, scales)
         if self.best is None or inside.mu < self.best.mu:
@@ -122,7 +121,7 @@ class Scales:
         return True
 
     def far(self, scales: Float, cap: float) -> tuple[Search, Point]:
-        """Points at some scales, and the one far above a cap. The first with a solution sets the coordinates."""
+        """Points at some scales, and the one far above a cap; the first that has a solution sets the coordinates."""
         search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
         far = search.at(FAR * cap)
         if far.X is None or not far.solved:
@@ -202,31 +201,14 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
     if not reduced.n or not form.Qc.any():
         raise UnclearError("the least gamma is zero, or attained at no scales")
     balanced, _ = reduced.balanced()
-    unclear = UnclearError("no scales with a solution were found")
-    for strict, shares in ((strict, shares) for strict in (True, False) for shares in SHARES):
-        found: Best | None = None
-        for share in shares if strict or shares[0] < MOST else ():
-            if share >= MOST and not quiet(balanced, share):
-                break
-            try:
-                found = searched(balanced, share, found, strict=strict)
-            except ZeroError:
-                raise
-            except UnclearError as error:
-                unclear = error
-                break
-            used = share
-            if found.signal.apart <= UNSEEN and quiet(balanced, share):
-                break
-        if found:
-            try:
-                require_quiet(balanced, used)
-                return alone(balanced, found, used)
-            except UnclearError as error:
-                unclear = error
-                if not strict:
-                    break
-    raise unclear
+    found: Best | None = None
+    for share in SHARES:
+        found = searched(balanced, share, found)
+        if found.signal.apart <= UNSEEN and quiet(balanced, share):
+            break
+    assert found
+    require_quiet(balanced, share)
+    return alone(balanced, found, share)
 
 
 def alone(form: Form, best: Best, share: float) -> tuple[Least, Float]:
@@ -248,9 +230,9 @@ def alone(form: Form, best: Best, share: float) -> tuple[Least, Float]:
     return found, best.scales
 
 
-def searched(form: Form, share: float, known: Best | None, *, strict: bool) -> Best:
+def searched(form: Form, share: float, known: Best | None) -> Best:
     """Search with a small noise on every state, from scales that are known. Raises `UnclearError`."""
-    search = Scales(reached(form, share), form.n, strict=strict)
+    search = Scales(reached(form, share), form.n)
     if known is None or not search.look(known.scales, known.mu * ABOVE):
         begin(search, form)
     return closed(search)
@@ -284,8 +266,10 @@ def begin(search: Scales, form: Form) -> None:
     weight = np.linalg.norm(form.Qc[:n, :n], 2)
     unit = weight / np.array([size_of(Q[:n, :n], Q[:n, n:][:, f], Q[n:, n:][np.ix_(f, f)]) for Q in form.Qs])
     seen = np.linalg.norm(np.linalg.pinv(form.D) @ form.C, 2) ** 2 or 1.0
-    for high in HIGH if len(form.D) else HIGH + HIGHER:
-        cap = float(high * weight / seen)
+    acts = np.linalg.norm(form.B[:, ~f], 2) / (np.linalg.norm(form.A, 2) or 1.0)
+    highs = [high / seen for high in (HIGH if len(form.D) else HIGH + HIGHER)]
+    for high in sorted({*highs, max(*highs, HIGH[0] * acts**2)}):
+        cap = float(high * weight)
         for factor in sorted(GRID, key=lambda factor: abs(np.log(factor))):
             cap = cap if search.best is None else search.best.mu
             if search.allowed(factor * unit) < cap:

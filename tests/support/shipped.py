@@ -19,6 +19,8 @@ SLOW = {  # others like them are solved in less time
     "ferrante2019-manipulator-tradeoff",
     "ferrante2019-robot-clock-tradeoff",
     "infeasible/undetectable-rate",
+    "large/chain",
+    "large/rod",
 }
 
 

@@ -7,7 +7,7 @@ from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental, Theorem
 from obsdesign.dissipation.pace import RHO
 from obsdesign.families.incremental.guarantee import PeakGuarantee, PeakOfSteps
-from obsdesign.lmi.formula import Array, Inequality, Values
+from obsdesign.lmi.formula import Array, Inequality, Values, product
 
 
 class L2(Incremental):
@@ -85,7 +85,7 @@ class Linf(Incremental):
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(13a), (13b), P > 0 and membership of the multiplier."""
-        output = Inequality("|z|^2 <= mu2 V", self.H.mT @ self.H - v["mu2"] * v["P"])
+        output = Inequality("|z|^2 <= mu2 V", product(self.H.mT, self.H) - v["mu2"] * v["P"])
         return (*self.conditions(v, 0 * v["mu1"], self.loss * v["mu1"]), output)
 
     def weights(self, mu: Array) -> Values:
