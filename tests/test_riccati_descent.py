@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.rods import beam, chain, family, heat
+from support.rods import beam, chain, family, heat, rod_spec
 
 import obsdesign as od
+from obsdesign.dissipation import smaller
 from obsdesign.dissipation.elimination import ROOM, central_gains, form_of, least_of, of_one
 from obsdesign.families.incremental.request import posed
 from obsdesign.lmi.formula import in_floats
@@ -107,6 +108,20 @@ def test_a_peak_is_kept_by_a_solution_near_the_largest():
     made, _ = descended(form, float(problem.rate), 1.0, first, scales, peak)
     assert made.size < 0.6 * first.size
     assert np.linalg.eigvalsh(problem.H @ np.linalg.solve(made.P, problem.H.T))[-1] <= level
+
+
+def test_what_is_not_proved_is_not_shipped(monkeypatch):
+    """A gain that is too small: the central one is in its place, and the note says so."""
+    found = smaller.by_descent
+
+    def wrong(*given):
+        made = found(*given)
+        return replace(made, gain=replace(made.gain, L=made.gain.L / 2))
+
+    monkeypatch.setattr(smaller, "by_descent", wrong)
+    made = od.solve(od.load(rod_spec(12)))
+    assert made.proved
+    assert any("the gain is the central one" in note for note in made.notes)
 
 
 def test_the_quasi_newton_method_stays_in_its_domain(monkeypatch):

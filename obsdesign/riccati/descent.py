@@ -191,7 +191,9 @@ def descended(
     else:
         return None
     descent = Descent(barrier, s, L, scales, at)
-    L, scales = descent.point(minimised(descent, L.size + len(scales), EVALUATIONS * LARGE // max(form.n, LARGE)))
+    with np.errstate(all="ignore"):  # of steps so long that numbers overflow
+        x = minimised(descent, L.size + len(scales), EVALUATIONS * LARGE // max(form.n, LARGE))
+    L, scales = descent.point(x)
     end = barrier.at(L, scales)
     made = end and Central(s[:, None] * L, end.middle(turned) / np.outer(s, s))
     return (made, scales) if made and made.size < start.size else None

@@ -137,7 +137,7 @@ class Study:
 
     @property
     def centered(self) -> bool:
-        """Whether gains are the central ones of Riccati equations: of large plants, where nothing bounds them."""
+        """Whether gains are those of Riccati equations: of large plants, where nothing bounds them."""
         large = self.unit.plant.n >= LARGE and self.engine.eliminates
         return large and self.relaxation == "s-procedure" and not self.restricted
 
