@@ -15,6 +15,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support.bounded import soon
 from support.commands import PNG, result_of, run
+from support.schedule import Schedule, begin_with_the_longest
 from support.sweep import SWEEP
 
 from obsdesign.batches.perform import perform
@@ -66,10 +67,21 @@ def pytest_collection_finish():
     gc.set_threshold(100_000, 50, 100)
 
 
+def pytest_make_parametrize_id(val):
+    """A long text is named by its beginning: names are sent, and compared, many times."""
+    return f"{val[:80]!r}..." if isinstance(val, str | bytes) and len(val) > 200 else None
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests of a file, or of a group, go to one process."""
+    return Schedule(config, log) if config.getoption("dist") == "loadgroup" else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Tests that share a process take longest and begin first, so that at the end no process waits for another."""
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+    """What takes longest begins first."""
+    begin_with_the_longest(items)
 
 
 @pytest.fixture(scope="session")

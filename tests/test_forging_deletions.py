@@ -1,6 +1,5 @@
 """Result files from which something was deleted: refused by name, or nothing of what is claimed is missing."""
 
-import copy
 import json
 from functools import cache
 from pathlib import Path
@@ -8,8 +7,8 @@ from pathlib import Path
 import pytest
 from support.commands import run
 from support.forging import at, put
-from support.shipped import SPECS
-from test_forging import OBSERVERS, PLANT, dotted, places
+from support.shipped import solved
+from test_forging import OBSERVERS, PLANT, copied, dotted, places
 
 import obsdesign as od
 from obsdesign.design import proof_of
@@ -43,13 +42,14 @@ COMPUTED = (  # what may be left out: labels, and what proves nothing and nothin
 @cache
 def content_of(case):
     """What is in a genuine file."""
-    text = PLANT % OBSERVERS[case] + SIMULATION if case in OBSERVERS else str(SPECS / f"{case}.yaml")
-    return od.solve(od.load(text)).text().decode()
+    if case not in OBSERVERS:
+        return solved(case)[1].text().decode()
+    return od.solve(od.load(PLANT % OBSERVERS[case] + SIMULATION)).text().decode()
 
 
 def without(content, place):
     """A content without what is at a place."""
-    forged = copy.deepcopy(content)
+    forged = copied(content)
     del at(forged, place[:-1])[place[-1]]
     return forged
 

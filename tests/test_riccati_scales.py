@@ -125,8 +125,11 @@ def test_the_limit_does_not_depend_on_units_of_states_and_of_f(told, known):
     assert math.sqrt(found.mu) == pytest.approx(known, rel=1e-5)
 
 
-@pytest.mark.parametrize(("told", "known"), [({}, 0.2253467), ({"type": "linf", "alpha": 0.05}, 1.7338655)])
-def test_a_design_of_a_large_plant_is_proved(told, known):
+@pytest.mark.parametrize(
+    ("told", "known", "gain"), [({}, 0.2253467, 192), ({"type": "linf", "alpha": 0.05}, 1.7338655, 10)]
+)
+def test_a_design_of_a_large_plant_is_proved(told, known, gain):
+    """Its gain is not larger than the smallest that inequalities find, 191.5 and 11."""
     made = od.solve(od.load(chain(16, **told)))
     assert made.proved
     assert made.verify().holds
@@ -134,16 +137,17 @@ def test_a_design_of_a_large_plant_is_proved(told, known):
     assert made.limit["gap"] < 3e-5
     solver = made.result["solver"]
     assert (solver["engine"], solver["solves"]) == ("riccati", 0)
-    assert np.linalg.norm(made.gains["L1"], 2) < 220
-    assert any("the gain is the central one" in note for note in made.notes)
+    assert np.linalg.norm(made.gains["L1"], 2) < gain
+    assert any("by descent from the central one" in note for note in made.notes)
 
 
 @pytest.mark.slow
-def test_where_axis_and_storage_bind_at_once_a_central_gain_is_proved():
+def test_where_axis_and_storage_bind_at_once_a_gain_is_proved():
     made = od.solve(od.load(chain(64)))
     assert made.proved
     assert made.limit["gamma"] == pytest.approx(0.232418, rel=1e-5)
     assert made.result["solver"]["solves"] == 0
+    assert np.linalg.norm(made.gains["L1"], 2) < 180  # of the central one: 233
 
 
 def test_what_the_search_does_not_find_the_inequalities_decide():
@@ -174,11 +178,7 @@ def test_monotone_blocks_have_their_limit(alpha, known):
 
 def test_a_damper_of_an_unknown_law_has_its_limit():
     """By another program; whatever the number of masses."""
-    text = chain(8)
-    at = np.eye(8)[4]
-    head, tail = text[: text.index("nonlinearities:")], text[text.index("observer:") :]
-    block = f"nonlinearities:\n  - {{Bf: {(-0.5 * at).tolist()}, Cq: {[at.tolist()]}, type: monotone}}\n"
-    answer = least_gamma(Engine(), in_doubles(head + block + tail))
+    answer = least_gamma(Engine(), in_doubles(chain(8, springs=(), dampers=(0,))))
     assert math.sqrt(answer.objective) == pytest.approx(50 / 9, rel=1e-6)
 
 

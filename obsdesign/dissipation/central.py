@@ -6,19 +6,22 @@ as one is proved: an upper bound of the limit, and a gain that has it.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.certificate import Certificate
-from obsdesign.dissipation.decimals import round_up, significant
-from obsdesign.dissipation.elimination import form_of, proved_central
+from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.decimals import round_up, significant, square_below
+from obsdesign.dissipation.elimination import central_gains, form_of
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.dissipation.scan import edge, strides
 from obsdesign.lmi.equilibrate import units
-from obsdesign.lmi.formula import Array, Float, in_floats, printed
+from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed
+from obsdesign.lmi.proof import rounded
 from obsdesign.riccati.central import sizes, solution
 from obsdesign.riccati.form import UnclearError
 
@@ -26,6 +29,7 @@ START = 1e9  # times the size of gamma by the data of the plant, from where it i
 STEP, STEPS = 1e-2, 12  # of gamma, down as long as a central gain is proved or up until one is
 CLOSE = 0.02  # relative, to which the least is found
 DIGITS = 6  # of gamma
+OF_GAIN, OF_P = (6, 8, 12), (12, 15, 17)  # digits
 ON_STATES, ON_OUTPUTS = 1e-4, (0.0, 1e-2)  # noises with which scales are tried
 DECADES = (0, -1, 1, -2, 2, -3, 3)  # of 100: scales of multipliers that are tried, times what the data suggest
 MOST, KEPT = 2, 4  # scales of a family, and choices of them that are kept
@@ -94,11 +98,23 @@ def least_proved(engine: Engine, family: Incremental, bounds: Bounds) -> tuple[f
     return round_up(least, DIGITS), found[least]
 
 
-def proved(
-    engine: Engine, family: Incremental, gamma: float, bounds: Bounds, scales: Scales | None
-) -> Certificate | None:
-    """Certificate of a central gain for a gamma; None where none is proved."""
-    try:
-        return proved_central(engine, family, gamma, bounds, scales)
-    except UnclearError:
+def proved(engine: Engine, family: Incremental, gamma: float, bounds: Bounds, scales: Values) -> Certificate | None:
+    """Certificate of the first central gain that is proved to reach gamma; None where none is.
+
+    `family`: in rationals; `bounds`: on P and on the poles; `scales`: by name, in rationals and for mu1 = 1.
+    """
+    if not engine.equations:
         return None
+    level, mu = printed(gamma), square_below(printed(gamma))
+    chosen = np.array([float(scale.item()) for scale in scales.values()])
+    try:
+        for found in central_gains(family, gamma, chosen):
+            for digits, of_P in zip(OF_GAIN, OF_P, strict=True):
+                values = {**rounded({"P": found.P}, of_P), **scales}
+                candidate = replace(family, L1=printed(significant(found.L, digits)))
+                certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
+                if certificate.holds:
+                    return certificate
+    except UnclearError:
+        pass
+    return None

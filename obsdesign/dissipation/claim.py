@@ -10,6 +10,7 @@ from obsdesign.dissipation.decimals import round_up, square_below
 from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_given
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.monotone import proved_given_monotone
 from obsdesign.lmi.formula import Values, in_floats, printed, rational
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
@@ -26,7 +27,7 @@ def claim(
 
     `bounds`: those on P and on the poles.
     """
-    if family.plant.n >= LARGE and (known := proved_given(engine, family, gamma, bounds)):
+    if family.plant.n >= LARGE and (known := by_riccati(engine, family, gamma, bounds)):
         return known
     problem = in_floats(family).witness(gamma, bounds)
     wide = engine.widest(problem, start)
@@ -55,6 +56,12 @@ def claim(
     return certificate
 
 
+def by_riccati(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Certificate | None:
+    """Certificate that the gain of a large plant reaches gamma by a Riccati equation; None where none gives one."""
+    asked = engine, family, gamma, bounds
+    return proved_given(*asked) or proved_given_monotone(*asked)
+
+
 def best_claim(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> tuple[Status, Certificate | None]:
     """Whether given gains achieve anything, and the certificate of nearly the least gamma that they achieve.
 
@@ -63,7 +70,7 @@ def best_claim(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) 
     known = least_gamma(engine, in_floats(family), bounds) if family.plant.n >= LARGE else None
     if known:
         levels = (round_up(math.sqrt(known.objective) * (1 + backoff), 6) for backoff in BACKOFFS)
-        tried = (proved_given(engine, family, level, bounds) for level in levels)
+        tried = (by_riccati(engine, family, level, bounds) for level in levels)
         if certificate := next((made for made in tried if made), None):
             return known.status, certificate
     least = known or engine.minimise(in_floats(family).least_gamma(bounds))

@@ -13,7 +13,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
-from obsdesign.dissipation.decimals import significant, square_below
+from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.lmi.formula import Array, Float, Values, in_floats, printed, zeros
@@ -47,7 +47,7 @@ SEARCHED = 8  # order from which the scales of multipliers are found faster so t
 def form_of(family: Incremental) -> Form | None:
     """Form of a family in doubles; None where it is none that a Riccati equation solves."""
     form = inequality_of(family)
-    return form if form and separate(form, family.plant.Bf.shape[1]) else None
+    return form if form and form.separate(family.plant.Bf.shape[1]) else None
 
 
 def monotone_form(family: Incremental) -> Passive | None:
@@ -55,9 +55,9 @@ def monotone_form(family: Incremental) -> Passive | None:
 
     Raises `UnclearError`: doubles do not tell.
     """
-    other = family.about.peak or family.about.pace.sampled or family.L1 is not None
+    other = family.about.peak or family.about.pace.sampled
     form = None if other else inequality_of(family)
-    return None if form is None else reduced(form, family.plant.Bf.shape[1])
+    return None if form is None else reduced(form.balanced()[0], family.plant.Bf.shape[1])
 
 
 def inequality_of(family: Incremental) -> Form | None:
@@ -93,16 +93,6 @@ def per_step(family: Incremental) -> float:
     return 1 - float(family.rate) if family.about.pace.sampled else 1.0
 
 
-def separate(form: Form, nf: int) -> bool:
-    """Whether the multipliers leave v alone and their part in f is negative: then (f, v) is for all scales and mu."""
-    ends = form.n, form.n + nf
-    parts = form.Qs[:, slice(*ends), slice(*ends)]
-    if form.Qs[:, ends[1] :].any() or (nf and not len(parts)):
-        return False
-    negative = all(np.linalg.eigvalsh(part)[-1] <= 0 for part in parts) if nf else True
-    return negative and (not nf or bool(np.linalg.eigvalsh(parts.sum(axis=0))[-1] < 0))
-
-
 def solvable(engine: Engine, family: Incremental, smallest: int = SEARCHED) -> Form | None:
     """Inequality of a family in doubles whose least gamma Riccati equations may find, and quicker than inequalities do.
 
@@ -133,7 +123,7 @@ def least_gamma(
     if key in engine.recalled:
         return engine.recalled[key]
     try:
-        form, passive = (whole if separate(whole, family.plant.Bf.shape[1]) else None), None
+        form, passive = (whole if whole.separate(family.plant.Bf.shape[1]) else None), None
         if form is None and (passive := monotone_form(family)):
             form = passive.form
     except (UnclearError, np.linalg.LinAlgError):
@@ -143,6 +133,8 @@ def least_gamma(
     made = told(lambda: least_of(form, family), lambda known, values: elsewhere(form, family, known, values))
     if made and passive and not passive.negative(array(made.values), made.objective * (1 + SAME)):
         return None
+    if made and passive:
+        made = replace(made, values=named(family, passive.ties @ array(made.values)))
     if made is not None:
         engine.eliminated, engine.recalled[key] = True, made
     return made
@@ -197,8 +189,13 @@ def least_of(form: Form, family: Incremental) -> tuple[Least, dict[str, Array]]:
         found, scales = least_over_scale_of(form, family)
     else:
         found, scales = least_peak_scaled(form, family.H) if family.about.peak else least_scaled(form)
+    return found, named(family, scales)
+
+
+def named(family: Incremental, scales: Float) -> dict[str, Array]:
+    """Scales by their names; where some are tied to each other, there are fewer of them."""
     names = (unknown.name for unknown in family.multiplier.unknowns())
-    return found, {name: scale * ONE for name, scale in zip(names, scales, strict=True)}
+    return {name: scale * ONE for name, scale in zip(names, scales, strict=False)}
 
 
 def of_one(family: Incremental, mu: float, values: Values) -> Values:
@@ -287,27 +284,6 @@ def gain_above(engine: Engine, family: Incremental, gamma: float) -> Float | Non
         return None
     found = gain_near(form.scaled(array(known.values)), 1.0 if family.about.peak else gamma**2)
     return None if found is None else per_step(family) * found
-
-
-def proved_central(
-    engine: Engine, family: Incremental, gamma: float, bounds: Bounds, scales: Values | None = None
-) -> Certificate | None:
-    """Certificate of the first central gain that is proved to reach gamma; None if none is.
-
-    `family`: in rationals; `bounds`: on P and on the poles; `scales`: for mu1 = 1; None: those of the least gamma.
-    """
-    scales = scales_of(engine, family) if scales is None else scales
-    if scales is None:
-        return None
-    level, mu = printed(gamma), square_below(printed(gamma))
-    for found in central_gains(family, gamma, array(scales)):
-        for digits, of_P in zip(DIGITS, OF_P, strict=True):
-            values = {**rounded({"P": found.P}, of_P), **scales}
-            candidate = replace(family, L1=printed(significant(found.L, digits)))
-            certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
-            if certificate.holds:
-                return certificate
-    return None
 
 
 def scales_of(engine: Engine, family: Incremental) -> dict[str, Array] | None:

@@ -41,12 +41,12 @@ class Modes(ABC):
         """Which modes decay, beyond what is rounded."""
 
     @abstractmethod
-    def about(self, poles: Array) -> Array:
+    def near(self, poles: Array) -> Array:
         """Frequencies at which a response can be large: about poles, and zero."""
 
     def frequencies(self, A: Array) -> Array:
         """The same about the poles of a matrix."""
-        return self.about(np.linalg.eigvals(A))
+        return self.near(np.linalg.eigvals(A))
 
     @abstractmethod
     def place(self, omega: Array) -> Array:
@@ -127,7 +127,7 @@ class Modes(ABC):
             return largest_apart(
                 lambda omega: found.amplitudes(self.place(omega)),
                 lambda omega: found.own(self.place(omega)),
-                self.about(found.poles),
+                self.near(found.poles),
             )
         response = self.responses(A, B)
         return largest(lambda omega: np.linalg.norm(response(omega), axis=2), self.frequencies(A))
@@ -135,7 +135,7 @@ class Modes(ABC):
     def gain(self, A: Array, B: Array, H: Array, known: Spectrum | None = None) -> float:
         """Largest singular value of the response of z = H e over frequency."""
         if found := self.residues(A, B, H, known):
-            return float(largest(lambda omega: found.gains(self.place(omega)), self.about(found.poles)).item())
+            return float(largest(lambda omega: found.gains(self.place(omega)), self.near(found.poles)).item())
         response = self.responses(A, B)
 
         def sizes(omega: Array) -> Array:
@@ -160,7 +160,7 @@ class Exponentials(Modes):
         """Left of the imaginary axis, relative to the largest pole."""
         return np.asarray(poles.real < -slack * np.abs(poles).max(initial=0.0))
 
-    def about(self, poles: Array) -> Array:
+    def near(self, poles: Array) -> Array:
         """In rad/s."""
         return around(poles)
 
@@ -232,7 +232,7 @@ class Powers(Modes):
         """Within the unit circle."""
         return np.asarray(np.abs(poles) < 1 - slack)
 
-    def about(self, poles: Array) -> Array:
+    def near(self, poles: Array) -> Array:
         """In rad a sample."""
         return angles(poles)
 

@@ -36,17 +36,22 @@ class Central:
         return float(np.linalg.norm(self.L, 2))
 
 
-def central(form: Form, rate: float, mu: float, fits: Callable[[Float], bool]) -> Iterator[Central]:
+Fits = Callable[[Float], bool]  # whether an X will do
+Solve = Callable[[Form, float, Fits], Central | None]
+
+
+def central(form: Form, rate: float, mu: float, fits: Fits, solve: Solve | None = None) -> Iterator[Central]:
     """Gains for a mu above the least, the small ones first and then those with more room.
 
-    `rate`: the decay rate that is in the form already; `fits`: whether an X will do.
+    `rate`: the decay rate that is in the form already; `fits`: whether an X will do; `solve`: what finds the gain of a
+    form with noise on every output; None: `solution`.
     """
     balanced, s = form.balanced()
     fast, on_states, on_outputs = balanced.faster(FASTER * rate), *sizes(balanced)
 
     def at(states: float, outputs: float) -> Central | None:
         noisy = fast.noisy(np.full(form.n, states * on_states), outputs * on_outputs)
-        made = solution(noisy, mu, lambda X: fits(X * np.outer(s, s)))
+        made = (solve or solution)(noisy, mu, lambda X: fits(X * np.outer(s, s)))
         return made and Central(s[:, None] * made.L, made.P / np.outer(s, s))
 
     tried = ON_OUTPUTS[:: SPARSE if form.n >= LARGE else 1]
@@ -71,9 +76,8 @@ def sizes(form: Form) -> tuple[float, Float]:
     return acts, np.where(noise > 0, noise, np.linalg.norm(form.C, axis=1) * acts * slowness)
 
 
-def solution(form: Form, mu: float, fits: Callable[[Float], bool]) -> Central | None:
+def solution(form: Form, mu: float, fits: Fits) -> Central | None:
     """Central gain and P of a form with noise on every output; None where there is none that fits."""
-    n, Q = form.n, form.at(mu)
     try:
         if np.linalg.matrix_rank(form.D) < len(form.D):
             return None
@@ -81,15 +85,21 @@ def solution(form: Form, mu: float, fits: Callable[[Float], bool]) -> Central | 
         if found is None:
             return None
         X, P = found
-        W, S = -Q[n:, n:], Q[:n, n:]
-        back = np.linalg.solve(W, form.D.T)
-        L = -np.linalg.solve(form.D @ back, (X @ form.C.T + (form.B + X @ S) @ back).T).T
+        L = best_gain(form, mu, X)
     except (np.linalg.LinAlgError, UnclearError):
         return None
-    return Central(np.asarray(L), P) if np.isfinite(L).all() else None
+    return Central(L, P) if np.isfinite(L).all() else None
 
 
-def stored(form: Form, mu: float, fits: Callable[[Float], bool]) -> tuple[Float, Float] | None:
+def best_gain(form: Form, mu: float, X: Float) -> Float:
+    """Gain (n, p) that minimises the Schur complement for P = X^-1; raises `LinAlgError` where there is none."""
+    n, Q = form.n, form.at(mu)
+    W, S = -Q[n:, n:], Q[:n, n:]
+    back = np.linalg.solve(W, form.D.T)
+    return np.asarray(-np.linalg.solve(form.D @ back, (X @ form.C.T + (form.B + X @ S) @ back).T).T)
+
+
+def stored(form: Form, mu: float, fits: Fits) -> tuple[Float, Float] | None:
     """X and P = X^-1 of a form; None where there is none that fits."""
     space = Equation.of(Eliminated.of(form), mu).subspace()
     X = None if space is None else space.X
@@ -112,7 +122,7 @@ def storage(form: Form, mu: float) -> Float | None:
     return found and found[1]
 
 
-def storages(form: Form, mu: float, fits: Callable[[Float], bool]) -> Iterator[Float]:
+def storages(form: Form, mu: float, fits: Fits) -> Iterator[Float]:
     """P of a form without outputs for a mu above the least, those with more room first."""
     balanced, s = form.balanced()
     acts, _ = sizes(balanced)

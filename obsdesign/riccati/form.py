@@ -105,6 +105,18 @@ class Form:
         n = self.n
         return float(np.linalg.norm(self.Qc[:n, :n]) / (np.linalg.norm(self.Qs[0]) or 1.0))
 
+    def separate(self, nf: int) -> bool:
+        """Whether the multipliers leave v alone and their part in f is negative: then (f, v) is for all scales and mu.
+
+        `nf`: size of f, the first of the inputs.
+        """
+        ends = self.n, self.n + nf
+        parts = self.Qs[:, slice(*ends), slice(*ends)]
+        if self.Qs[:, ends[1] :].any() or (nf and not len(parts)):
+            return False
+        negative = all(np.linalg.eigvalsh(part)[-1] <= 0 for part in parts) if nf else True
+        return negative and (not nf or bool(np.linalg.eigvalsh(parts.sum(axis=0))[-1] < 0))
+
     def faster(self, rate: float) -> "Form":
         """Same for an error that decays faster by a rate (1/s)."""
         return replace(self, A=self.A + rate * np.eye(self.n))

@@ -62,27 +62,37 @@ def random_plant(seed):
 
 
 def written(A, B, C, D, blocks, alpha, H=None, type="l2"):
-    """Spec with nonlinearities Bf f(Cq x), f of a slope between two numbers."""
-    lines = [f"  - {{Bf: {b.tolist()}, Cq: {[q.tolist()]}, type: {{slope: {list(ends)}}}}}" for b, q, ends in blocks]
+    """Spec with nonlinearities Bf f(Cq x), f of a slope between two numbers, or of a type."""
+    types = [ends if isinstance(ends, str) else f"{{slope: {list(ends)}}}" for _, _, ends in blocks]
+    lines = [
+        f"  - {{Bf: {b.tolist()}, Cq: {[q.tolist()]}, type: {type_}}}"
+        for (b, q, _), type_ in zip(blocks, types, strict=True)
+    ]
     matrices = "\n".join(f"  {name}: {X.tolist()}" for name, X in zip("ABCD", (A, B, C, D), strict=True))
     weight = "" if H is None else f"performance: {{H: {H.tolist()}}}\n"
     parts = f"system:\n{matrices}\nnonlinearities:\n" + "\n".join(lines)
     return f"obsdesign: 1\nname: large\n{parts}\n{weight}observer: {{type: {type}, alpha: {alpha}}}\n"
 
 
-def noises(n, enters, noise):
-    """B of one disturbance, and D of two outputs with noise of their own."""
-    return np.hstack([enters[:, None], np.zeros((n, 2))]), np.hstack([np.zeros((2, 1)), noise * np.eye(2)])
+def noises(n, enters, noise, ny=2):
+    """B of one disturbance, and D of outputs with noise of their own."""
+    return np.hstack([enters[:, None], np.zeros((n, ny))]), np.hstack([np.zeros((ny, 1)), noise * np.eye(ny)])
 
 
-def chain(n, springs=(0,), **told):
-    """Spec of n / 2 masses between two walls, some tied to the ground by springs of an unknown law."""
+def chain(n, springs=(0,), dampers=(), joints=(), measured=None, **told):
+    """Spec of n / 2 masses between two walls, some tied to the ground by springs or dampers of an unknown law.
+
+    `joints`: pairs (i, c) of a damper c f between masses i and i + 1; `measured`: positions, or those of the ends.
+    """
     m, E = n // 2, np.eye(n)
+    measured = [0, m - 1] if measured is None else list(measured)
     K = 2 * np.eye(m) - np.diag(np.ones(m - 1), 1) - np.diag(np.ones(m - 1), -1)
     A = np.block([[np.zeros((m, m)), np.eye(m)], [-K, -0.2 * np.eye(m)]])
-    B, D = noises(n, E[m], 0.05)
+    B, D = noises(n, E[m], 0.05, len(measured))
     blocks = [(-0.5 * E[m + i], E[i], (-1, 1)) for i in springs]
-    return written(A, B, E[[0, m - 1]], D, blocks, **{"alpha": 0.02, **told})
+    blocks += [(-0.5 * E[m + i], E[m + i], "monotone") for i in dampers]
+    blocks += [(-c * (E[m + i] - E[m + i + 1]), E[m + i] - E[m + i + 1], "monotone") for i, c in joints]
+    return written(A, B, E[measured], D, blocks, **{"alpha": 0.02, **told})
 
 
 def heat(n):

@@ -14,11 +14,13 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.certificate import Certificate, rate_of
 from obsdesign.dissipation.claim import best_claim, claim
 from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_central
+from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.monotone import proved_monotone
 from obsdesign.dissipation.scaling import scaling
+from obsdesign.dissipation.smaller import proved_small
 from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
@@ -174,21 +176,21 @@ class Designer:
     def claimed(self, candidate: Incremental, certificate: Certificate | None) -> Outcome:
         """Gains with a certificate, and whether it holds, the bounds of the request included."""
         assert candidate.L1 is not None
-        asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
-        proof = Claim(certificate, asked=asked) if certificate else None
+        proof = certificate and Claim(certificate, asked=held(self.request, candidate.L1, certificate.gamma))
         status = Verdict.CERTIFIED if proof and proof.holds else Verdict.UNCERTIFIED
         return Outcome(status, doubles(candidate), proof)
 
-    def central(self, family: Incremental, gamma: float, why: str, scales: Values | None = None) -> Outcome | None:
-        """Central gains that are proved, and a note on why it is them; None: none is, or bounds ask for others."""
-        if not self.engine.equations or self.request.bounds.restricted:
+    def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
+        """Gain of a Riccati equation that is proved, and a note on it; None where none is, or bounds ask for others."""
+        if not self.engine.eliminates or self.request.bounds.restricted:
             return None
-        certificate = proved_central(self.engine, family, gamma, self.request.kept, scales)
-        made = certificate and self.claimed(certificate.family, certificate)
-        if not certificate or not made or made.status is not Verdict.CERTIFIED:
+        asked = self.engine, family, gamma, self.request.kept
+        found = proved_small(*asked) or proved_monotone(*asked)
+        made = found and self.claimed(found[0].family, found[0])
+        if not found or not made or made.status is not Verdict.CERTIFIED:
             return None
-        self.notes.append(f"the gain is the central one of a Riccati equation: {why}; bounds.L1 asks for a smaller one")
-        return self.completed(certificate.family, made)
+        self.notes.append(found[1].said(family.about.gain, why))
+        return self.completed(found[0].family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
@@ -204,10 +206,10 @@ class Designer:
         return replace(made, claim=replace(made.claim, reconstruction=bound))
 
     def instead(self, why: str) -> Outcome | None:
-        """Central gain with about the least gamma that one is proved to reach; None where none is."""
-        known = None if self.range else self.limits.proved(replace(self.family, rate=self.lowest))
-        made = known and self.central(self.family, known[0], f"the limit is not known; {why}", known[2])
-        return replace(made, limit=known[1], notes=tuple(self.notes)) if known and made else None
+        """Central gain with the least gamma that is proved of one."""
+        found = None if self.range else self.limits.proved(replace(self.family, rate=self.lowest), why)
+        made = found and self.completed(found[0].family, self.claimed(found[0].family, found[0]))
+        return replace(made, limit=found[1], notes=tuple(self.notes)) if found and made else None
 
     @property
     def search(self) -> Search | None:
@@ -332,8 +334,7 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     Raises `UsageError`: the limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free
     L2. Raises `UndecidedError`: the solver found neither a solution nor that there is none.
     """
-    request = request_of(spec)
-    if request.trade and not request.gains:
+    if (request := request_of(spec)).trade and not request.gains:
         return trader(spec, engine, request.trade, design).outcome()
     designer = Designer(spec, engine)
     try:

@@ -7,7 +7,8 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.central import Scales, least_proved
+from obsdesign.dissipation.central import least_proved, proved
+from obsdesign.dissipation.certificate import Certificate
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
@@ -19,6 +20,7 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.outcome import BEST_FOUND, bounded_kind
+from obsdesign.lmi.formula import Array
 from obsdesign.lmi.solve import Status
 from obsdesign.records import dataclass
 
@@ -124,25 +126,32 @@ class Limits:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
 
-    def proved(self, family: Incremental) -> tuple[float, dict[str, Any], Scales | None] | None:
-        """Gamma to be certified, the limit and scales, by what central gains are proved to reach: nothing else tells.
+    def proved(self, family: Incremental, why: str) -> tuple[Certificate, dict[str, Any]] | None:
+        """Central gain with its certificate, and the least gamma proved so as the limit: where nothing else tells.
 
-        `family`: in rationals, at its rate. None: they tell nothing, or more is bounded than gamma.
+        `family`: in rationals, at its rate; `why`: the limit is not known. None: none is proved, or more is bounded
+        than gamma.
         """
-        request, unknown, linear = self.request, {"attained": False}, not family.multiplier.unknowns()
+        known: dict[str, Any] = {"attained": False}
+        request, scales = self.request, dict[str, Array]()
         asked = request.gamma if request.gamma is not None else request.bounds.gamma
+        target = float(asked) if asked is not None else 1.0  # without v any gamma will do
         if request.bounds.restricted or request.gains:
             return None
-        if linear and (asked is not None or not family.plant.B.shape[1]):
-            return (1.0 if asked is None else float(asked)), unknown, None
-        found = least_proved(self.engine, family, request.kept)
-        if found is None:
+        if family.multiplier.unknowns() or (asked is None and family.plant.B.shape[1]):
+            if (found := least_proved(self.engine, family, request.kept)) is None:
+                return None
+            least, scales = found
+            known = {"gamma": least, "attained": True, **BEST_FOUND}
+            if asked is None:
+                free = request.objective == "feasibility"
+                target = EASY * least if free else Level(least).target(float(request.slack))
+        made = proved(self.engine, family, target, request.kept, scales)
+        if made is None:
             return None
         self.engine.eliminated = True
-        least, scales = found
-        target = EASY * least if request.objective == "feasibility" else Level(least).target(float(request.slack))
-        target = target if asked is None else float(asked)
-        return (target, {"gamma": least, "attained": True, **BEST_FOUND}, scales) if target >= least else None
+        self.notes.append(f"the gain is the central one of a Riccati equation: the limit is not known; {why}")
+        return made, known
 
     def moderate(self, search: Incremental) -> float:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one.

@@ -12,7 +12,7 @@ from obsdesign.dissipation.gain import ROOM, bounded, descended, rounded_gains
 from obsdesign.dissipation.zero import TABLE, tabulated
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.lipschitz.claim import Claim
-from obsdesign.families.lipschitz.study import CENTRAL, Study
+from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import largest_constant
 from obsdesign.families.outcome import Outcome, bounded_kind
 from obsdesign.lmi.formula import Array, printed, rational_number
@@ -39,8 +39,8 @@ def largest(study: Study) -> Outcome:
     constant = printed(round_down(best / (1 + study.slack), DIGITS))
     notes = () if constant >= study.declared else (short(study, constant),)
     central = study.central_for(constant)
-    notes = notes if central is None else (*notes, CENTRAL)
-    L, claim = central or study.first(small_gains(study, constant))
+    notes = notes if central is None else (*notes, central[2])
+    L, claim = central[:2] if central else study.first(small_gains(study, constant))
     if L is None:
         raise UndecidedError(f"no gain was found for the Lipschitz constant {float(constant):g}", id="OBS507")
     return study.outcome(L, claim, notes=notes, **limits)

@@ -15,7 +15,7 @@ from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
 from obsdesign.families.lipschitz.reasons import out_of_reach
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
-from obsdesign.families.lipschitz.study import CENTRAL, Study
+from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import cancels
 from obsdesign.families.outcome import Outcome, Verdict, bounded_kind
 from obsdesign.lmi.formula import Array
@@ -56,8 +56,8 @@ def least_gamma(study: Study) -> Outcome:
     target = min(limit.target(study.slack), asked)
     notes = (CANCELS,) if limit.attained and not limit.gamma and cancels(study.unit.plant) else ()
     central = study.central(target)
-    notes = notes if central is None else (*notes, CENTRAL)
-    L, claim = central or study.first(small_gains(study, family, study.declared, target))
+    notes = notes if central is None else (*notes, central[2])
+    L, claim = central[:2] if central else study.first(small_gains(study, family, study.declared, target))
     if L is None:
         raise UndecidedError(f"no gain was found for gamma = {target:g}", id="OBS507")
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)

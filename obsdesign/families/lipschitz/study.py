@@ -13,12 +13,13 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import round_up, significant, square_below
-from obsdesign.dissipation.elimination import LARGE, central_gains, proved_central
+from obsdesign.dissipation.elimination import LARGE
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size, unplaced
 from obsdesign.dissipation.modes import EXPONENTIALS, POWERS
 from obsdesign.dissipation.scaling import Factors, scaling
 from obsdesign.dissipation.scan import edge
+from obsdesign.dissipation.smaller import candidates, proved_small
 from obsdesign.families.lipschitz.claim import Claim, held, needed
 from obsdesign.families.lipschitz.reasons import gate, too_small
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz
@@ -34,10 +35,7 @@ from obsdesign.lmi.solve import Status
 
 K = TypeVar("K", bound=Lipschitz)
 CLOSE = 1e-3  # relative, from the largest decay that does to what is suggested
-CENTRAL = (
-    "the gain is the central one of a Riccati equation: the smallest takes long to find for so large a plant; bounds.L "
-    "asks for a smaller one"
-)
+CENTRAL = "the smallest takes long to find for so large a plant"
 CENTRAL_DIGITS = 8  # of such a gain
 MORE = 0.05  # relative, above the least gamma over all gains, of a gamma that is tried with larger gains
 
@@ -139,26 +137,31 @@ class Study:
 
     @property
     def centered(self) -> bool:
-        """Whether gains are the central ones of Riccati equations: of large plants, where nothing bounds them."""
+        """Whether gains are those of Riccati equations: of large plants, where nothing bounds them."""
         large = self.unit.plant.n >= LARGE and self.engine.eliminates
         return large and self.relaxation == "s-procedure" and not self.restricted
 
-    def central(self, gamma: float) -> tuple[Array, Claim] | None:
-        """Central gain that reaches a gamma at the declared constant, and its proof; None if none is proved."""
+    def central(self, gamma: float) -> tuple[Array, Claim, str] | None:
+        """Gain of a Riccati equation that reaches a gamma at the declared constant, its proof, and a note on it."""
         family = self.unit.stretched(self.declared)
-        certificate = proved_central(self.engine, family, gamma, self.request.storage) if self.centered else None
-        if certificate is None or certificate.family.L1 is None:
+        found = proved_small(self.engine, family, gamma, self.request.storage) if self.centered else None
+        if found is None or found[0].family.L1 is None:
             return None
-        return -certificate.family.L1, Claim(self.declared, certificate)
+        return -found[0].family.L1, Claim(self.declared, found[0]), found[1].said("L", CENTRAL)
 
-    def central_for(self, constant: fmpq) -> tuple[Array, Claim] | None:
-        """Central gain for a constant, and its proof with nearly the least gamma that it has; None if none is."""
+    def central_for(self, constant: fmpq) -> tuple[Array, Claim, str] | None:
+        """Same for a constant, with nearly the least gamma that it has; None if none is proved.
+
+        A gain that just reaches the constant has a large gamma: one by descent is of use where there is no v.
+        """
         if not self.centered or len(self.unit.multiplier.blocks) > 1:
             return None
-        for found in central_gains(self.unit.undisturbed().stretched(constant), 1.0, np.ones(1)):
-            L = printed(significant(-found.L, CENTRAL_DIGITS))
+        family = self.unit.undisturbed().stretched(constant)
+        ones = {unknown.name: printed(np.ones((1, 1))) for unknown in family.multiplier.unknowns()}
+        for found in candidates(family, 1.0, ones, smaller=not self.disturbed):
+            L = printed(significant(-found.gain.L, CENTRAL_DIGITS))
             if claim := self.proved(L, constant):
-                return L, claim
+                return L, claim, found.said("L", CENTRAL)
         return None
 
     def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
