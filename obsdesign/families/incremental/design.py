@@ -176,7 +176,7 @@ class Designer:
     def claimed(self, candidate: Incremental, certificate: Certificate | None) -> Outcome:
         """Gains with a certificate, and whether it holds, the bounds of the request included."""
         assert candidate.L1 is not None
-        proof = certificate and Claim(certificate, asked=held(self.request, candidate.L1, certificate.gamma))
+        proof = Claim(certificate, asked=held(self.request, candidate.L1, certificate.gamma)) if certificate else None
         status = Verdict.CERTIFIED if proof and proof.holds else Verdict.UNCERTIFIED
         return Outcome(status, doubles(candidate), proof)
 
