@@ -11,7 +11,7 @@ from obsdesign.sections.forms import MATRIX, Entries, Section, key, required
 
 
 def sector(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
-    """(df - K1 dq)' (K2 dq - df) >= 0:  M = lambda [[-K1'K2 - K2'K1, K1' + K2'], [K1 + K2, -2 I]].
+    """(df - K1 dq)' (K2 dq - df) >= 0:  M = lambda / 2 [[-K1'K2 - K2'K1, K1' + K2'], [K1 + K2, -2 I]].
 
     This is the ball of center (K1 + K2) / 2 and radius W = (K2 - K1) / 2. A weight X, (df - K1 dq)' X (K2 dq - df),
     would be no multiplier of this class in general, not even a positive definite one.

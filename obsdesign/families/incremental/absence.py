@@ -177,7 +177,7 @@ def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
     """What rules every gain out without a solver, where it does; a family in doubles."""
     if family.about.pace.sampled:
         return obstacle(spec, family)
-    return too_stiff(family) or failing_passivity(spec, family)
+    return too_stiff(family) or failing_passivity(spec, family) or too_stiff(family.shifted())
 
 
 def within_bounds(spec: Spec) -> str:
