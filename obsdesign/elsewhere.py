@@ -6,6 +6,7 @@ diagonal, whatever the states of the spec are. T is rational, so that nothing is
 found so are proved for the plant of the spec.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, cast
@@ -70,12 +71,17 @@ def designed(spec: Spec, engine: Engine, design: Design) -> Outcome:
             claim = FAMILIES[spec.observer.type].moved(spec, other.claim, gains, S)
             if claim and claim.holds:
                 doubles = {name: in_floats(gain) for name, gain in gains.items()}
-                return replace(other, gains=doubles, claim=claim, notes=(*other.notes, NOTE), scaling={})
+                return replace(other, gains=doubles, claim=claim, notes=(*map(unsized, other.notes), NOTE), scaling={})
     if failed:
         raise failed
     if T is None or outcome.status is not Verdict.INFEASIBLE or (other and other.status is Verdict.INFEASIBLE):
         return outcome
     raise UndecidedError(FAR, id="OBS507")
+
+
+def unsized(note: str) -> str:
+    """Note without the sizes of gains, which are those in other states."""
+    return re.sub(r" \(\|.*?\| from .*?\)", "", note)
 
 
 def doubtful(outcome: Outcome) -> bool:

@@ -55,7 +55,7 @@ def states(n):
 def test_a_problem_that_no_memory_would_hold_is_undecided(monkeypatch):
     monkeypatch.setattr("obsdesign.lmi.probe.MOST", 20)
     monkeypatch.setattr("obsdesign.lmi.faces.MOST", 20)
-    Path("s.yaml").write_text(states(6))
+    Path("s.yaml").write_text(states(6).replace("0.3}", "0.3, bounds: {L1: 10}}"))
     outcome = run("solve", "s.yaml")
     said = "s.yaml: the inequality has 28 scalar unknowns, and at most 20 fit in memory: take fewer states [OBS908]\n"
     assert (outcome.exit_code, outcome.stderr, files()) == (4, said, ["s.yaml"])

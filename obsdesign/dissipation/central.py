@@ -33,6 +33,7 @@ OF_GAIN, OF_P = (6, 8, 12), (12, 15, 17)  # digits
 ON_STATES, ON_OUTPUTS = 1e-4, (0.0, 1e-2)  # noises with which scales are tried
 DECADES = (0, -1, 1, -2, 2, -3, 3)  # of 100: scales of multipliers that are tried, times what the data suggest
 MOST, KEPT = 2, 4  # scales of a family, and choices of them that are kept
+BREAKDOWN = (UnclearError, np.linalg.LinAlgError, ValueError, OverflowError)  # the last two of numbers beyond doubles
 Scales = dict[str, Array]
 
 
@@ -58,10 +59,12 @@ def scaled(family: Incremental) -> Iterator[Float]:
             on_states, on_outputs = sizes(balanced)
             for outputs in ON_OUTPUTS:
                 noisy = balanced.noisy(np.full(form.n, ON_STATES * on_states), outputs * on_outputs)
-                if solution(noisy, weight, lambda _: True) is not None:
+                with np.errstate(all="ignore"):
+                    solved = solution(noisy, weight, lambda _: True) is not None
+                if solved:
                     yield chosen
                     break
-    except (UnclearError, np.linalg.LinAlgError):
+    except BREAKDOWN:
         return
 
 
@@ -70,6 +73,7 @@ def largest(family: Incremental) -> float:
     return START * float(np.sqrt(units(family.least_gamma())["mu"].item()))
 
 
+@np.errstate(all="ignore")
 def least_proved(engine: Engine, family: Incremental, bounds: Bounds) -> tuple[float, Scales] | None:
     """About the least gamma that a central gain is proved to reach, and its scales, by name and for mu1 = 1.
 
@@ -98,6 +102,7 @@ def least_proved(engine: Engine, family: Incremental, bounds: Bounds) -> tuple[f
     return round_up(least, DIGITS), found[least]
 
 
+@np.errstate(all="ignore")
 def proved(engine: Engine, family: Incremental, gamma: float, bounds: Bounds, scales: Values) -> Certificate | None:
     """Certificate of the first central gain that is proved to reach gamma; None where none is.
 
@@ -115,6 +120,6 @@ def proved(engine: Engine, family: Incremental, gamma: float, bounds: Bounds, sc
                 certificate = certify(candidate, level, fmpq(1), mu, values, bounds)
                 if certificate.holds:
                     return certificate
-    except UnclearError:
+    except BREAKDOWN:
         pass
     return None

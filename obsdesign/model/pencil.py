@@ -11,6 +11,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.records import dataclass
 
 TOLERANCE = 1e-12
+MULTIPLE = 4  # multiplicity from which a small change of the data moves a zero far
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,8 @@ class Zeros:
     def sentence(self) -> str:
         """Zeros in words."""
         found = f"invariant zeros {', '.join(map(text, self.values))}" if self.values else "no invariant zeros"
+        if any(self.values.count(value) >= MULTIPLE for value in self.values):
+            found += f", of which those that occur {MULTIPLE} times and more are uncertain: doubles hardly tell them"
         if self.left_invertible:
             return found
         return f"{found}; not left invertible: normal rank {self.normal_rank} with {self.inputs} inputs"

@@ -11,7 +11,7 @@ from obsdesign.dissipation.pace import Pace
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, posed, request_of
 from obsdesign.families.incremental.samples import at_the_edge, obstacle
-from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
+from obsdesign.families.incremental.stiffness import QUIET, failing_passivity, too_stiff
 from obsdesign.families.outcome import Diagnosis, Proof
 from obsdesign.files import ResultFile
 from obsdesign.lmi.faces import refutation
@@ -171,6 +171,12 @@ def subject(pace: Pace) -> str:
 def no_slower(family: Incremental) -> str:
     """That slower decays were tried, if there are any."""
     return f", nor at {family.about.pace.weaker} that was tried" if family.rate else ""
+
+
+def slower_helps(spec: Spec, family: Incremental) -> bool:
+    """Whether the largest rate with a solution tells more than what rules every gain out without a solver."""
+    told = structural(spec, in_floats(family))
+    return told is None or told["suggestion"] == QUIET
 
 
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:

@@ -24,12 +24,12 @@ from obsdesign.dissipation.smaller import proved_small
 from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
-from obsdesign.families.incremental.absence import covers, impossible, why_not
+from obsdesign.families.incremental.absence import covers, impossible, slower_helps, why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point, apart
 from obsdesign.families.incremental.instead import beyond, remedied
-from obsdesign.families.incremental.limits import FLAT, Limits
+from obsdesign.families.incremental.limits import FLAT, UNKNOWN, UNPROVED, Limits
 from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
@@ -306,10 +306,10 @@ class Designer:
         """Answer with the reason, in the terms of the model."""
         self.engine.report(0.9, "diagnosis")
         none = known and not self.request.gains and impossible(replace(self.family, rate=rate))
-        found = {} if none or not known else known
-        limits = {name: found[name] for name in ("limit", "limit_bounded") if name in found}
-        found = {name: value for name, value in found.items() if name not in limits}
-        largest = self.decay.largest_below(rate) if not found or "gamma" in found else None
+        found = {} if none or not known else dict(known)
+        limits = {name: found.pop(name) for name in ("limit", "limit_bounded") if name in found}
+        sought = "gamma" in found or (not found and slower_helps(self.spec, replace(self.family, rate=rate)))
+        largest = self.decay.largest_below(rate) if sought else None
         diagnosis = why_not(self.spec, replace(self.family, rate=rate), largest, found)
         if not found and diagnosis["condition"] != "detectability":
             diagnosis = remedied(self.spec, self.decay, rate, largest, diagnosis)
@@ -342,9 +342,9 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     except UndecidedError:
         if engine.distrust():  # gains are not where a Riccati equation has them: inequalities decide
             return design(spec, engine)
-        if (other := designer.absent() or designer.instead("this gamma is about the least proved")) is None:
+        if not (other := designer.absent() or designer.instead(UNKNOWN)):
             raise
         made = other
     if made.status is Verdict.UNCERTIFIED and not designer.request.gains:
-        made = designer.absent() or designer.instead("gains near it fail in rationals") or made
+        made = designer.absent() or designer.instead(UNPROVED) or made
     return replace(made, scaling=scaling(searchable(designer.family)) if engine.solves else {})

@@ -25,6 +25,8 @@ from obsdesign.lmi.solve import Status
 from obsdesign.records import dataclass
 
 EASY = 2.0  # times the least gamma of a large plant, where gamma is not the objective
+UNKNOWN = "the limit is not known, and may be far below the least gamma that is proved so"
+UNPROVED = "gains near the limit that was found fail in rationals"
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
 
@@ -129,7 +131,7 @@ class Limits:
     def proved(self, family: Incremental, why: str) -> tuple[Certificate, dict[str, Any]] | None:
         """Central gain with its certificate, and the least gamma proved so as the limit: where nothing else tells.
 
-        `family`: in rationals, at its rate; `why`: the limit is not known. None: none is proved, or more is bounded
+        `family`: in rationals, at its rate; `why`: of that gain. None: none is proved, or more is bounded
         than gamma.
         """
         known: dict[str, Any] = {"attained": False}
@@ -142,7 +144,7 @@ class Limits:
             if (found := least_proved(self.engine, family, request.kept)) is None:
                 return None
             least, scales = found
-            known = {"gamma": least, "attained": True, **BEST_FOUND}
+            known = {"gamma": least, "attained": False, **BEST_FOUND}
             if asked is None:
                 free = request.objective == "feasibility"
                 target = EASY * least if free else Level(least).target(float(request.slack))
@@ -150,7 +152,7 @@ class Limits:
         if made is None:
             return None
         self.engine.eliminated = True
-        self.notes.append(f"the gain is the central one of a Riccati equation: the limit is not known; {why}")
+        self.notes.append(f"the gain is the central one of a Riccati equation: {why}")
         return made, known
 
     def moderate(self, search: Incremental) -> float:
