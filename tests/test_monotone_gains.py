@@ -18,6 +18,7 @@ from obsdesign.dissipation.monotone import proved_monotone, unseparated
 from obsdesign.families.incremental import design
 from obsdesign.families.incremental.request import posed
 from obsdesign.lmi.formula import in_floats, rational, rational_number
+from obsdesign.riccati.form import UnclearError
 from obsdesign.riccati.passive import gains
 from obsdesign.riccati.silent import SilentBarrier, untied
 
@@ -160,3 +161,13 @@ def test_scales_are_tied_in_rationals():
     exact = {name: scale.item() for name, scale in tied(family, near).items()}
     assert exact["lambda1"] * 3 == exact["lambda2"] * 5
     assert list(tied(posed(od.load(chain(8, **DAMPED))), {"lambda1": near["lambda1"]})) == ["lambda1"]
+
+
+def test_where_a_descent_is_not_clear_the_central_gain_is_shipped(monkeypatch):
+    def unclear(*_):
+        raise UnclearError("numbers far from each other")
+
+    monkeypatch.setattr("obsdesign.dissipation.monotone.untied", unclear)
+    made = od.solve(od.load(chain(12, **DAMPED)))
+    assert made.proved
+    assert sum("the gain is the central one" in note for note in made.notes) == 1

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.sweep import examples
 
+import obsdesign as od
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.model.disturbance import augment, double_integrator, integrator, sinusoid, stack, unknown
@@ -295,7 +296,28 @@ def test_the_bearing_has_its_zero_at_minus_ten_with_and_without_the_disturbance_
         assert zeros.sentence == "invariant zeros -10"
 
 
+def test_a_zero_of_high_multiplicity_is_called_uncertain():
+    """From a load at one end of twelve inertias to the angle of the other: -80 eleven times; doubles do not tell it."""
+    n = 12
+    K = 2 * np.eye(n) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+    K[0, 0] = K[-1, -1] = 1
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-40 * K, -0.2 * np.eye(n) - 0.5 * K]])
+    B, C = np.zeros((2 * n, 1)), np.zeros((1, 2 * n))
+    B[-1], C[0, 0] = 1, 1
+    assert "uncertain" in invariant_zeros(System(A, B, C, np.zeros((1, 1)))).sentence
+
+
 # slopes without a bound
+
+
+@pytest.mark.parametrize("slope", [0, 1, -2])
+def test_a_load_beside_a_steep_friction_is_out_of_reach_whatever_the_slope_begins_with(slope):
+    system = {"A": [[0, 1, 0], [0, -1, 1], [0, 0, 0]], "B": [[0, 0], [0, 0], [1, 0]], "C": [[1, 0, 0]], "D": [[0, 0.1]]}
+    friction = {"Bf": [[0], [-1], [0]], "Cq": [[0, 1, 0]], "type": {"slope": [slope, inf]}}
+    made = od.solve(od.Spec(system=system, nonlinearities=[friction], observer={"type": "l2", "alpha": 0.05, "L2": 0}))
+    assert made.status == "infeasible"
+    assert made.diagnosis["condition"] == "zero dynamics"
+    assert made.diagnosis["mode"]["eigenvalue"] == [0, 0]
 
 
 def test_for_steep_slopes_the_zero_dynamics_from_f_to_q_and_y_remain():

@@ -17,24 +17,27 @@ ROUNDING = 1e-12  # relative
 QUIET = "bound the slope of f, or leave noise out of y (D = 0)"
 
 
-def steep_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
-    """Blocks with M11 = M22 = 0 that act on x: number, block, components of q and of f."""
+def steep_blocks(family: Incremental, *, wider: bool = False) -> list[tuple[int, Scaled, slice, slice]]:
+    """Blocks with M11 = M22 = 0 that act on x: number, block, components of q and of f.
+
+    `wider`: those with any M11 >= 0 as well, whose classes contain that of M11 = 0.
+    """
     q, f = 0, 0
     found: list[tuple[int, Scaled, slice, slice]] = []
     for i, block in enumerate(family.multiplier.blocks):
         rows, columns = slice(q, q + block.nq), slice(f, f + block.nf)
         q, f = rows.stop, columns.stop
-        if not isinstance(block, Scaled) or block.M11.any() or block.M22.any():
+        if not isinstance(block, Scaled) or block.M22.any() or (block.M11.any() and not wider):
             continue
         if block.M12.any() and family.plant.Bf[:, columns].any():
             found.append((i, block, rows, columns))
     return found
 
 
-def stiff_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
+def stiff_blocks(family: Incremental, *, wider: bool = False) -> list[tuple[int, Scaled, slice, slice]]:
     """Those of them that no loop and no output involves."""
     through = np.vstack([family.plant.Dqf, family.plant.Df])
-    return [found for found in steep_blocks(family) if not through[:, found[-1]].any()]
+    return [found for found in steep_blocks(family, wider=wider) if not through[:, found[-1]].any()]
 
 
 def may_rest(family: Incremental) -> bool:
@@ -138,7 +141,7 @@ def slow_injection(
 
 def slowest(family: Incremental) -> Mode | None:
     """Slowest mode that remains where df is whatever keeps dq at zero, whatever the gains: see `stiff_modes`."""
-    blocks = stiff_blocks(family)
+    blocks = stiff_blocks(family, wider=True)
     if not blocks or not may_rest(family):
         return None
     q = np.concatenate([np.r_[rows] for _, _, rows, _ in blocks])
