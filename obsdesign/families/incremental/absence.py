@@ -11,7 +11,7 @@ from obsdesign.dissipation.pace import Pace
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, posed, request_of
 from obsdesign.families.incremental.samples import at_the_edge, obstacle
-from obsdesign.families.incremental.stiffness import QUIET, failing_passivity, too_stiff
+from obsdesign.families.incremental.stiffness import QUIET, failing_passivity, rising, too_stiff
 from obsdesign.families.outcome import Diagnosis, Proof
 from obsdesign.files import ResultFile
 from obsdesign.lmi.faces import refutation
@@ -183,7 +183,8 @@ def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
     """What rules every gain out without a solver, where it does; a family in doubles."""
     if family.about.pace.sampled:
         return obstacle(spec, family)
-    return too_stiff(family) or failing_passivity(spec, family) or too_stiff(family.shifted())
+    found = too_stiff(family) or failing_passivity(spec, family)
+    return found if found or not rising(family) else too_stiff(family.shifted())
 
 
 def within_bounds(spec: Spec) -> str:

@@ -40,6 +40,14 @@ def stiff_blocks(family: Incremental, *, wider: bool = False) -> list[tuple[int,
     return [found for found in steep_blocks(family, wider=wider) if not through[:, found[-1]].any()]
 
 
+def rising(family: Incremental) -> bool:
+    """Whether every block has one scale, and some a smallest slope above zero and no largest: M22 = 0, M11 not >= 0."""
+    blocks = family.multiplier.blocks
+    return all(isinstance(b, Scaled) for b in blocks) and any(
+        isinstance(b, Scaled) and not b.M22.any() and np.linalg.eigvalsh(b.M11).min(initial=0.0) < 0 for b in blocks
+    )
+
+
 def may_rest(family: Incremental) -> bool:
     """Whether f = 0 is in every class, so that the inequalities hold along errors that only some blocks act on."""
     blocks = family.multiplier.blocks
