@@ -27,7 +27,7 @@ from obsdesign.lmi.formula import (
     symmetric,
 )
 from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
-from obsdesign.lmi.proof import complete, holds, margin, pivots, prove, rounded
+from obsdesign.lmi.proof import complete, holds, margin, pivots, prove, refuted, rounded
 from obsdesign.lmi.reduce import balance, dense, diagonal, null_space, reduce, zero_diagonals
 from obsdesign.lmi.solve import MARGIN, Status, minimise, widest
 from obsdesign.lmi.spectrum import extremes, lower, upper
@@ -546,3 +546,11 @@ def test_a_product_of_rationals_is_exact(n, m, k, seed):
     made = product(X, Y)
     assert made.shape == (n, k)
     assert (made == X @ Y).all()
+
+
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_what_is_refuted_is_not_definite_by_its_pivots_either(n, seed):
+    random = np.random.default_rng(seed)
+    M = random.integers(-5, 6, (n, n))
+    S = rational(M @ M.T + random.integers(-4, 5) * np.eye(n, dtype=int))
+    assert refuted(S) == (pivots(S) is None)

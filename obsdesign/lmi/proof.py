@@ -66,8 +66,31 @@ def holds(inequality: Inequality) -> bool:
         S = S[kept][:, kept]
     if definite(S):
         return True
+    if refuted(S):
+        return False
     signs = pivots(S)
     return signs is not None and (min(signs, default=1) > 0 or not inequality.strict)
+
+
+def refuted(S: Array) -> bool:
+    """Whether some x is found with x' S x < 0, in rationals; an exact factorisation of a large matrix takes minutes.
+
+    x is the eigenvector of the smallest eigenvalue in doubles, of S with a unit diagonal.
+    """
+    A = np.vectorize(approximate, otypes=[float])(S)
+    if not len(S) or not np.isfinite(A).all():
+        return False
+    size = np.sqrt(np.abs(np.diag(A)))
+    scale = 1 / np.where(size > 0, size, 1.0)
+    with np.errstate(all="ignore"):
+        scaled = scale[:, None] * A * scale
+    if not np.isfinite(scaled).all():
+        return False
+    x = np.linalg.eigh(scaled)[1][:, 0] * scale
+    if not np.isfinite(x).all():
+        return False
+    exact = fmpq_mat(rational(x[:, None]).tolist())
+    return bool((exact.transpose() * fmpq_mat(S.tolist()) * exact)[0, 0] < 0)
 
 
 def require_rational(inequality: Inequality) -> None:
