@@ -23,14 +23,8 @@ from obsdesign.lmi.formula import Array, Exact, Float, in_floats, printed, ratio
 from obsdesign.model.structure import linear
 from obsdesign.spec import Spec
 
-NUMERICAL = {
-    "inequality",
-    "decay",
-    "lipschitz",
-    "gamma",
-    "gains",
-    "bounds",
-}  # conditions of a diagnosis that a solver may decide
+# conditions of a diagnosis that a solver may decide
+NUMERICAL = {"inequality", "decay", "lipschitz", "gamma", "gains", "bounds"}
 INJECTIONS = {"L1", "L", "K", "K_of_gap", "E"}  # gains that act on the states; the others do not depend on these
 LARGEST = 1e12  # condition of T, in the best units, above which its inverse is rounding
 DIGITS = 12  # of T: with fewer, numbers of A that are far from its eigenvalues do not cancel

@@ -6,7 +6,7 @@ from test_every_family import SMALL
 
 import obsdesign as od
 from obsdesign.dissipation.engine import Engine
-from obsdesign.elsewhere import NOTE, designed, inverse, states, turned
+from obsdesign.elsewhere import NOTE, designed, inverse, states, turned, unsized
 from obsdesign.errors import UndecidedError
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import Outcome, Verdict
@@ -82,3 +82,9 @@ def test_a_plant_in_other_states_is_the_same_plant():
     assert (again.H == spec.H).all()
     diagonal = od.Spec(system={"A": [[-1, 0], [0, -2]], "C": [[1, 1]]}, observer={"type": "l2", "alpha": 0.1})
     assert states(diagonal) is None
+
+
+def test_sizes_of_gains_in_other_states_are_not_told():
+    found = "the gain was found by descent from the central one of a Riccati equation"
+    assert unsized(f"{found} (|L1| from 66.27 to 7.861): it is large") == f"{found}: it is large"
+    assert unsized("f is not given (q, w)") == "f is not given (q, w)"

@@ -9,9 +9,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array
 from obsdesign.records import dataclass
 
-ILL = (
-    1e6  # condition of the modes, from which their sum is not used: A is as rounded by this times a double's precision
-)
+ILL = 1e6  # condition of the modes, from which their sum is not used: it multiplies what a double rounds
 
 
 @dataclass(frozen=True)
