@@ -29,7 +29,7 @@ WEIGHT = 200.0  # of log |L| beside the barrier
 ORDER = 8  # of the norm
 ON_STATES = (1e-3, 1e-4, 1e-5, 1e-6)  # noise on every state, of the size of v: the first that the central gain allows
 EVALUATIONS = 150  # of the barrier
-LARGE = 40  # order from which there are fewer, so that a design does not take much longer for them
+LARGE, FEWER = 40, 1.5  # order from which there are fewer, by this power of it: a design takes little longer for them
 ENDED = 0.05  # change of what is minimised that a step still promises
 STEP = 1.0  # longest, where about 1 leads to the edge
 BACK = 0.4  # factor of a step that leaves the gains which have a solution
@@ -192,11 +192,16 @@ def descended(
         return None
     descent = Descent(barrier, s, L, scales, at)
     with np.errstate(all="ignore"):  # of steps so long that numbers overflow
-        x = minimised(descent, L.size + len(scales), EVALUATIONS * LARGE // max(form.n, LARGE))
+        x = minimised(descent, L.size + len(scales), evaluations(form.n))
     L, scales = descent.point(x)
     end = barrier.at(L, scales)
     made = end and Central(s[:, None] * L, end.middle(turned) / np.outer(s, s))
     return (made, scales) if made and made.size < start.size else None
+
+
+def evaluations(n: int) -> int:
+    """How often the barrier is evaluated for a form of an order."""
+    return int(EVALUATIONS * min(1.0, LARGE / n) ** FEWER)
 
 
 def metric(barrier: Barrier, L: Float, scales: Float, at: Inside) -> tuple[Float, Float]:

@@ -80,7 +80,7 @@ class PeakScales(Scales):
         search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
         point = search.at(1.0)
         if not point.solved or point.X is None or point.space is None or point.equation is None:
-            self.cut(search.signal(point), scales)
+            self.cuts.add(search.signal(point), scales)
             return False
         values, vectors = np.linalg.eigh(self.output @ point.X @ self.output.T)
         mu = float(values[-1])
@@ -91,7 +91,7 @@ class PeakScales(Scales):
             raise UnclearError("the least gamma is not clear in double precision")
         signal = dying(search.form, point.equation, point.space, c, self.states)
         seen = self.output @ (point.space.s * (point.space.Z2 @ c))
-        self.cut(replace(signal, cost=float(seen @ seen) + float(signal.slopes @ scales)), scales)
+        self.cuts.add(replace(signal, cost=float(seen @ seen) + float(signal.slopes @ scales)), scales)
         if self.best is None or mu < self.best.mu:
             self.best = Best(scales * mu, mu, signal)
         return True
@@ -104,7 +104,7 @@ class PeakScales(Scales):
         under = np.array([np.linalg.norm(Q[n:, n:][np.ix_(f, f)], 2) or 1.0 for Q in form.Qs])
         unit = -form.supply * forces / acts / under
         for factor in sorted(GRID, key=lambda factor: abs(np.log(factor))):
-            if self.best is None or self.allowed(factor * unit * self.best.mu) < self.best.mu:
+            if self.best is None or self.cuts.allowed(factor * unit * self.best.mu) < self.best.mu:
                 self.of_one(factor * unit)
         if self.best is None:
             sought(self, unit, 1.0, self.of_one)
