@@ -184,22 +184,31 @@ def least(form: Form) -> Least:
 def same(form: Form, known: Least, near: float) -> bool:
     """Whether a form has the least mu that is known of it in other coordinates, to a relative `near`.
 
-    With the same noise on the states there is a solution so far above and none so far below, where a signal says that
-    there is none and none much above either.
+    In those in which X far above it is 1 or in its own: that solves large plants, and these see slow modes of stiff ones.
     """
     reduced, _ = without_exact_outputs(form)
     if not known.share or not reduced.n:
         return False
-    search = Search(Eliminated.of(reached(reduced.balanced()[0], known.share)), reduced.n)
-    for factor in (FAR, ABOVE):
-        point = search.at(factor * known.mu)
-        if not point.solved:
-            return False
-        search.refer(point)
-    outside = search.at(known.mu * (1 - near))
-    if outside.solved or not search.at(known.mu * (1 + near)).solved:
+    noisy = reached(reduced.balanced()[0], known.share)
+    try:
+        moved, _ = far_above(noisy, reduced.n, known)
+    except UnclearError:
         return False
-    return bool(abs(search.signal(outside).bound / known.mu - 1) < BELIEVED)
+    if ends(moved, known, near):
+        return True
+    search = Search(Eliminated.of(noisy), reduced.n)
+    far = search.at(FAR * known.mu)
+    if not far.solved:
+        return False
+    search.refer(far)
+    return ends(search, known, near)
+
+
+def ends(search: Search, known: Least, near: float) -> bool:
+    """Whether there is a solution so far above a least mu, and none so far below nor much above, by a signal."""
+    outside, inside = (search.at(known.mu * factor) for factor in (1 - near, 1 + near))
+    found = inside.solved and not outside.solved
+    return found and bool(abs(search.signal(outside).bound / known.mu - 1) < BELIEVED)
 
 
 def of_noisy(form: Form, share: float, noisier: Least | None = None) -> Least:
