@@ -184,7 +184,7 @@ def least(form: Form) -> Least:
 def same(form: Form, known: Least, near: float) -> bool:
     """Whether a form has the least mu that is known of it in other coordinates, to a relative `near`.
 
-    In those in which X far above it is 1 or in its own: that solves large plants, and these see slow modes of stiff ones.
+    In those where X far above it is 1, which solves large plants, or in its own, which see slow modes of stiff ones.
     """
     reduced, _ = without_exact_outputs(form)
     if not known.share or not reduced.n:
