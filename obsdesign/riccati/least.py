@@ -94,8 +94,10 @@ class Search:
             X = space.X
         except np.linalg.LinAlgError:
             return none
-        if not np.isfinite(X).all():
-            return none
+        return self.held(mu, equation, space, X) if np.isfinite(X).all() else none
+
+    def held(self, mu: float, equation: Equation, space: Subspace, X: Float) -> Point:
+        """Point of a solution of the equation, held against the reference."""
         R = np.diag(space.s) if self.R is None else self.R
         inner = np.linalg.solve(R, np.linalg.solve(R, X).T)
         values, vectors = np.linalg.eigh((inner + inner.T) / 2)
@@ -113,6 +115,12 @@ class Search:
             return None
         length = float(np.linalg.norm(c))
         return np.asarray(c / length) if 0 < length < math.inf else None
+
+    def again(self, point: Point) -> Point:
+        """Hold a point against another reference than when it was found."""
+        if point.equation is None or point.space is None or point.X is None:
+            return point
+        return self.held(point.mu, point.equation, point.space, point.X)
 
     def refer(self, point: Point) -> Point:
         """Make a solved point the reference: its level is 1."""

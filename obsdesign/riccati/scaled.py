@@ -68,12 +68,13 @@ class Scales:
 
     def look(self, scales: Float, cap: float) -> bool:
         """Least mu at some scales, kept where it is below a cap and the best; else what the cap is refuted by."""
-        search, far = self.far(scales, cap)
-        inside = search.at(cap)
-        if not far.solved or not inside.solved:
-            self.cuts.add(search.signal(far if not far.solved else inside), scales)
+        search, inside = self.start(scales, cap)
+        if not inside.solved:
+            self.cuts.add(search.signal(inside), scales)
             return False
         inside = search.refer(inside)
+        if not self.cuts.allowed(scales):
+            self.cuts.add(search.signal(inside), scales)
         below = min(max(self.cuts.allowed(scales) * (1 - ENOUGH / 10), cap * 1e-12), cap / (1 + ENOUGH))
         outside, further = search.at(below), NEARBY
         while outside.solved:
@@ -89,16 +90,30 @@ class Scales:
             self.best = Best(scales, inside.mu, signal)
         return True
 
-    def far(self, scales: Float, cap: float) -> tuple[Search, Point]:
-        """Points at some scales, and the one far above a cap; the first that has a solution sets the coordinates."""
-        search = Search(Eliminated.of(self.form.scaled(scales)), self.states)
+    def start(self, scales: Float, cap: float) -> tuple[Search, Point]:
+        """Search at some scales and its point at a cap, or the one far above it where that has no solution.
+
+        That one judges the other, and is only asked where the other may have a solution.
+        """
+        search = self.at(scales)
+        if not self.settled:
+            far = search.at(FAR * cap)
+            if far.X is None or not far.solved:
+                return search, far
+            self.form, self.settled = self.form.moved(root(far.X)), True
+            search = self.at(scales)
+        inside = search.at(cap)
+        if not inside.solved:
+            return search, inside
         far = search.at(FAR * cap)
-        if far.X is None or not far.solved:
+        if not far.solved:
             return search, far
-        if self.settled:
-            return search, search.refer(far)
-        self.form, self.settled = self.form.moved(root(far.X)), True
-        return self.far(scales, cap)
+        search.refer(far)
+        return search, search.again(inside)
+
+    def at(self, scales: Float) -> Search:
+        """Search at some scales."""
+        return Search(Eliminated.of(self.form.scaled(scales)), self.states)
 
     def step(self, scales: Float, level: float) -> None:  # noqa: ARG002 - a level, where mu is not free
         """Look at scales that may have a level."""
