@@ -75,6 +75,15 @@ class Cuts:
         found = program(np.zeros(k), G, np.concatenate([h, np.full(k, 1 / BOX - 1), np.full(k, 1 - BOX)]), bend=1.0)
         return found and scales * (1 + found[0])
 
+    def lowest(self, scales: Float, mu: float) -> Float | None:
+        """Scales, relative to some, with the least mu that they allow there; None where none are found."""
+        rows, right = self.rows(scales, mu)
+        k = len(scales)
+        each = np.eye(k + 1)[:k]
+        h = np.concatenate([-right, np.full(k, 1 / BOX), np.full(k, -BOX)])
+        found = program(np.eye(k + 1)[-1], np.vstack([-rows, each, -each]), h)
+        return found and scales * found[0][:-1]
+
     def middle(self, about: Float, mu: float) -> Float | None:
         """Scales in the middle of those where they allow a mu, relative to some scales; None if there are none."""
         rows = np.array([cut.slopes * about for cut in self])

@@ -180,6 +180,8 @@ def closed(search: Scales) -> Best:
         levels = (lower + share * (best.mu - lower) for share in LEVELS)
         reached = ((search.cuts.nearest(best.scales, best.mu, level), level) for level in levels)
         found = next(((near, level) for near, level in reached if near is not None), None)
+        if found is None and (edge := search.cuts.lowest(best.scales, best.mu)) is not None:
+            found = edge, search.cuts.allowed(edge)
         if found is None or (last is not None and np.allclose(found[0], last, rtol=SAME, atol=0)):
             break
         search.step(*found)
