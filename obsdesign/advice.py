@@ -79,13 +79,12 @@ def certified(spec: Spec, engine: Engine) -> bool:
 def other_sign(spec: Spec, engine: Engine) -> Iterator[str]:
     """Gains that were given with the sign of another convention."""
     gains = spec.observer.gains or {}
-    if not gains:
-        return
-    opposite = {name: -gain if name == next(iter(gains)) else gain for name, gain in gains.items()}
-    for changed in (opposite, {name: -gain for name, gain in gains.items()}):
+    some = tuple(name for name, gain in gains.items() if gain.any())
+    for turned in dict.fromkeys((some[:1], some)) if some else ():
+        changed = {name: -gain if name in turned else gain for name, gain in gains.items()}
         request = replace(cast("Any", spec.observer), gains=changed)
         if certified(replace(spec, observer=request), engine):
-            names = ", ".join(f"-{name}" for name in gains if (changed[name] != gains[name]).any())
+            names = ", ".join(f"-{name}" for name in turned)
             multiplied = FAMILIES[spec.observer.type].Section.residual
             yield f"give {names}: with the opposite sign they are certified, since gains multiply {multiplied} here"
             return

@@ -23,7 +23,7 @@ from obsdesign.riccati.central import Central, central, storage, storages
 from obsdesign.riccati.form import Form, UnclearError
 from obsdesign.riccati.least import Least, least, same
 from obsdesign.riccati.passive import Passive, reduced
-from obsdesign.riccati.peak import least_peak, least_peak_scaled
+from obsdesign.riccati.peak import least_peak, least_peak_again, least_peak_scaled
 from obsdesign.riccati.samples import (
     central_of_samples,
     gain_near,
@@ -211,12 +211,15 @@ def elsewhere(form: Form, family: Incremental, known: Least, values: Values) -> 
     if values:
         form = form.scaled(array(of_one(family, known.mu, values)))
     _, s = form.balanced()
-    checked = not (family.about.peak or family.about.pace.sampled)
+    sampled, peak = family.about.pace.sampled, family.about.peak
     for other, R in zip(turned(form), turns(form.n), strict=True):
-        if checked and same(other, known, SAME):
+        H = family.H * s @ R.T if peak else None
+        if H is not None and not sampled:
+            yield least_peak_again(other, H, known)
+        elif not sampled and same(other, known, SAME):
             yield known.mu
         else:
-            yield unscaled(other, family, family.H * s @ R.T if family.about.peak else None, known.mu).mu
+            yield unscaled(other, family, H, known.mu).mu
 
 
 def least_over_scale_of(form: Form, family: Incremental) -> tuple[Least, Float]:

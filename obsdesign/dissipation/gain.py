@@ -50,15 +50,21 @@ def least(engine: Engine, family: Incremental) -> Solve:
     return lambda bounds, start: engine.minimise(family.least_gamma(bounds), start)
 
 
-def within(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
-    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell."""
-    return judged(engine, family, unjudged(engine, family, bounds), bounds)
+def within(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS, *, doubted: bool = True) -> Answer:
+    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell.
+
+    `doubted`: whether a solver's word that there is none is held against other solves.
+    """
+    return judged(engine, family, unjudged(engine, family, bounds, doubted=doubted), bounds)
 
 
-def unjudged(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
+def unjudged(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS, *, doubted: bool = True) -> Answer:
     """Same, but that Riccati equations are not asked of small plants what inequalities leave undecided."""
     known = least_gamma(engine, family, bounds)
-    return known if known is not None else believed(engine, family, bounded(least(engine, family), bounds), bounds)
+    if known is not None:
+        return known
+    answer = bounded(least(engine, family), bounds)
+    return believed(engine, family, answer, bounds) if doubted else answer
 
 
 def believed(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds) -> Answer:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obsdesign.lmi.formula import Float
-from obsdesign.riccati.form import Eliminated, UnclearError, scales
+from obsdesign.riccati.form import Eliminated, UnclearError, quadrants, scales
 
 Complex = npt.NDArray[np.complexfloating]
 DINKELBACH = 20  # signals of one frequency
@@ -83,7 +83,7 @@ class Equation:
         """H of balanced states, and their scales."""
         s = scales(self.A0, self.G, self.Q0)
         A0, G, Q0 = self.A0 * s / s[:, None], self.G / np.outer(s, s), self.Q0 * np.outer(s, s)
-        return np.block([[A0.T, Q0], [-G, -A0]]), s
+        return quadrants(A0.T, Q0, -G, -A0), s
 
     def subspace(self) -> Subspace | None:
         """Stable subspace; None where H has eigenvalues on the axis, so that there is no solution."""

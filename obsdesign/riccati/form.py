@@ -122,12 +122,20 @@ class Form:
         return replace(self, A=self.A + rate * np.eye(self.n))
 
 
+def quadrants(A: Float, B: Float, C: Float, D: Float) -> Float:
+    """Matrix [A, B; C, D]; `numpy.block` takes ten times as long for a few numbers."""
+    whole = np.empty((len(A) + len(C), A.shape[1] + B.shape[1]))
+    whole[: len(A), : A.shape[1]], whole[: len(A), A.shape[1] :] = A, B
+    whole[len(A) :, : A.shape[1]], whole[len(A) :, A.shape[1] :] = C, D
+    return whole
+
+
 def scales(A: Float, G: Float, Q: Float) -> Float:
     """Powers of two s that bring the entries of A s, G / s s and Q s s near each other."""
     from scipy.linalg import matrix_balance
 
     n = len(A)
-    M = np.abs(np.block([[A.T, Q], [G, A]]))
+    M = np.abs(quadrants(A.T, Q, G, A))
     np.fill_diagonal(M, 0.0)
     with np.errstate(invalid="ignore"):
         _, (scale, _) = matrix_balance(M, separate=True, permute=False)
@@ -231,6 +239,6 @@ class Eliminated:
         unit = 1 / np.linalg.norm(form.D, axis=1)
         back = np.linalg.pinv(unit[:, None] * form.D) * unit
         Z = np.linalg.svd(form.D)[2][len(form.D) :].T if len(form.D) else np.eye(m)
-        T = np.block([[np.eye(n), np.zeros((n, Z.shape[1]))], [-back @ form.C, Z]])
+        T = quadrants(np.eye(n), np.zeros((n, Z.shape[1])), -back @ form.C, Z)
         Qc, Qm, Qs = (T.T @ Q @ T for Q in (form.Qc, form.Qm, form.Qs))
         return cls(form.A - form.B @ back @ form.C, form.B @ Z, Qc, Qm, Qs, T, form.supply)

@@ -29,25 +29,37 @@ def least_peak(form: Form, H: Float) -> Least:
     if not reduced.n or not H.any():
         return Least(0.0, 0.0, 0.0)
     balanced, s = reduced.balanced()
-    output = H @ N * s
-    found: list[float] = []
-    for share in peak_shares(balanced):
-        search = Search(Eliminated.of(reached(balanced, share)), reduced.n)
-        if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
-            search.refer(far)
-        point = search.at(1.0)
-        if not point.solved or point.X is None:
-            raise UnclearError("no P was found")
-        R = root(point.X)
-        point = Search(Eliminated.of(reached(balanced, share).moved(R)), reduced.n).at(1.0)
-        if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
-            raise UnclearError("no P was found")
-        found.append(float(np.linalg.eigvalsh(output @ R @ point.X @ R.T @ output.T).max(initial=0.0)))
-    noisier, mu = found
+    shares = peak_shares(balanced)
+    noisier, mu = (with_noise(balanced, H @ N * s, share) for share in shares)
     added = (noisier - mu) / mu if mu > 0 else 1.0
     if not -NOISE < added < BELIEVED:
         raise ZeroError("the least gamma is zero, or too small to be told from it")
-    return Least(mu, mu, max(added, 0.0))
+    return Least(mu, mu, max(added, 0.0), shares[-1])
+
+
+def least_peak_again(form: Form, H: Float, known: Least) -> float:
+    """The same in other coordinates, with the noise on the states that was small enough. Raises as `least_peak`."""
+    if not known.share:
+        return least_peak(form, H).mu
+    reduced, N = without_exact_outputs(form)
+    balanced, s = reduced.balanced()
+    return with_noise(balanced, H @ N * s, known.share)
+
+
+def with_noise(form: Form, output: Float, share: float) -> float:
+    """Least mu of a balanced form with a small noise on every state. Raises `UnclearError`."""
+    noisy = reached(form, share)
+    search = Search(Eliminated.of(noisy), form.n)
+    if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
+        search.refer(far)
+    point = search.at(1.0)
+    if not point.solved or point.X is None:
+        raise UnclearError("no P was found")
+    R = root(point.X)
+    point = Search(Eliminated.of(noisy.moved(R)), form.n).at(1.0)
+    if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
+        raise UnclearError("no P was found")
+    return float(np.linalg.eigvalsh(output @ R @ point.X @ R.T @ output.T).max(initial=0.0))
 
 
 def peak_shares(form: Form) -> tuple[float, float]:

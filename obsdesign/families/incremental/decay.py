@@ -34,6 +34,12 @@ class Decay:
     engine: Engine
     family: Incremental  # in rationals
     bounds: Bounds = NO_BOUNDS
+    doubted: bool = True  # whether a solver's word that there is no solution is held against other solves
+
+    @property
+    def trusting(self) -> "Decay":
+        """Same for what else would do, where a solver's word is enough."""
+        return replace(self, doubted=False)
 
     def curve(self, grid: Sequence[fmpq]) -> Iterator[Point]:
         """Points of the grid; nothing is solved above an infeasible one.
@@ -133,7 +139,8 @@ class Decay:
         """Whether the inequality has a solution at a rate, and whether that stayed undecided."""
         family = searchable(replace(self.family, rate=rate))
         level = self.bounds.gamma
-        answer = settled(self.engine, family, within(self.engine, family, self.bounds), self.bounds)
+        found = within(self.engine, family, self.bounds, doubted=self.doubted)
+        answer = settled(self.engine, family, found, self.bounds)
         if answer.status is Status.OPTIMAL:
             goal = math.inf if level is None else float(level) ** 2
             inside = answer.objective <= goal

@@ -303,16 +303,16 @@ class Designer:
         return self.infeasible(self.lowest) if covers(self.request, family, None) and impossible(family) else None
 
     def infeasible(self, rate: fmpq, known: dict[str, Any] | None = None) -> Outcome:
-        """Answer with the reason, in the terms of the model."""
+        """Answer with the reason, in the terms of the model, and what else would do, as far as a solver tells."""
         self.engine.report(0.9, "diagnosis")
         none = known and not self.request.gains and impossible(replace(self.family, rate=rate))
         found = {} if none or not known else dict(known)
         limits = {name: found.pop(name) for name in ("limit", "limit_bounded") if name in found}
         sought = "gamma" in found or (not found and slower_helps(self.spec, replace(self.family, rate=rate)))
-        largest = self.decay.largest_below(rate) if sought else None
+        largest = self.decay.trusting.largest_below(rate) if sought else None
         diagnosis = why_not(self.spec, replace(self.family, rate=rate), largest, found)
         if not found and diagnosis["condition"] != "detectability":
-            diagnosis = remedied(self.spec, self.decay, rate, largest, diagnosis)
+            diagnosis = remedied(self.spec, self.decay.trusting, rate, largest, diagnosis)
         return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, search=self.search, notes=tuple(self.notes), **limits)
 
     def out_of_bounds(self, rate: fmpq, limits: dict[str, Any], reached: float | None = None) -> Outcome:
