@@ -81,6 +81,14 @@ def test_cuts_that_leave_nothing_have_no_scales():
     assert cuts.nearest(one, 1.0, 1.0) is None
 
 
+def test_a_flat_cut_leads_to_the_edge_of_what_is_near():
+    cuts, one = Cuts(), np.ones(1)
+    cuts.add(Signal(1.0, 1.0, 0.0, -1e-6 * one), one)  # 1 - 1e-6 (lambda - 1) <= mu
+    assert cuts.lower(one, 1.0) == pytest.approx(0, abs=1e-9)
+    assert cuts.nearest(one, 1.0, 0.99) is None
+    assert cuts.lowest(one, 1.0) == pytest.approx([BOX])
+
+
 def test_a_signal_that_is_no_number_says_nothing():
     cuts = Cuts()
     cuts.add(Signal(np.nan, 1.0, 0.0, np.ones(1)), np.ones(1))

@@ -124,6 +124,28 @@ def test_what_is_not_proved_is_not_shipped(monkeypatch):
     assert any("the gain is the central one" in note for note in made.notes)
 
 
+def test_digits_that_doubles_refute_are_not_proved_in_rationals(monkeypatch):
+    """Of a gain that is too small only the most digits are, before the central one is taken."""
+    made, tried, found = smaller.certify, [], smaller.by_descent
+
+    def counted(family, *given):
+        certificate = made(family, *given)
+        tried.append((float(np.linalg.norm(in_floats(family.L1), 2)), certificate.holds))
+        return certificate
+
+    def wrong(*given):
+        candidate = found(*given)
+        return replace(candidate, gain=replace(candidate.gain, L=candidate.gain.L / 2))
+
+    monkeypatch.setattr(smaller, "by_descent", wrong)
+    monkeypatch.setattr(smaller, "certify", counted)
+    assert od.solve(od.load(rod_spec(12))).proved
+    (small, failed), *others = tried
+    assert not failed
+    assert all(size > 1.5 * small for size, _ in others)
+    assert others[-1][1]
+
+
 def test_the_quasi_newton_method_stays_in_its_domain(monkeypatch):
     """x - log x, and a curved valley beside it: the minimum is at 1."""
     monkeypatch.setattr(descent, "ENDED", 1e-10)

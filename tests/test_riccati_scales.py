@@ -22,6 +22,7 @@ from obsdesign.riccati.peak import least_peak, least_peak_scaled
 from obsdesign.riccati.scaled import least_scaled
 
 SLOW = pytest.mark.slow
+LARGEST = [pytest.mark.slow, pytest.mark.sweep]
 KNOWN = [  # by another program, and in part by matrix inequalities
     pytest.param(chain(4), 0.2251135, id="chain 4"),
     pytest.param(chain(8), 0.2253533, id="chain 8"),
@@ -32,6 +33,7 @@ KNOWN = [  # by another program, and in part by matrix inequalities
     pytest.param(heat(12), 0.0359169, id="heat 12"),
     pytest.param(heat(32), 0.0353804, id="heat 32", marks=SLOW),
     pytest.param(heat(128), 0.0352372, id="heat 128", marks=SLOW),
+    pytest.param(heat(256), 0.0352298, id="heat 256", marks=LARGEST),
     pytest.param(beam(8), 0.2725422, id="beam 8"),
     pytest.param(beam(12), 0.4721457, id="beam 12"),
     pytest.param(beam(16), 0.480687, id="beam 16"),

@@ -28,7 +28,7 @@ from obsdesign.riccati.form import Eliminated, Form, UnclearError
 WEIGHT = 200.0  # of log |L| beside the barrier
 ORDER = 8  # of the norm
 ON_STATES = (1e-3, 1e-4, 1e-5, 1e-6)  # noise on every state, of the size of v: the first that the central gain allows
-EVALUATIONS = 150  # of the barrier
+EVALUATIONS, FEWEST = 150, 10  # of the barrier
 LARGE, FEWER = 40, 2  # order from which there are fewer, by this power of it: a design takes little longer for them
 ENDED = 0.05  # change of what is minimised that a step still promises
 STEP = 1.0  # longest, where about 1 leads to the edge
@@ -201,7 +201,7 @@ def descended(
 
 def evaluations(n: int) -> int:
     """How often the barrier is evaluated for a form of an order."""
-    return int(EVALUATIONS * min(1.0, LARGE / n) ** FEWER)
+    return max(FEWEST, int(EVALUATIONS * min(1.0, LARGE / n) ** FEWER))
 
 
 def metric(barrier: Barrier, L: Float, scales: Float, at: Inside) -> tuple[Float, Float]:
