@@ -25,6 +25,7 @@ SIZES = (1e3, 1e5)  # of a gain, that are tried where nothing bounds it
 ROOM = (0.02, 0.15, 0.5)  # relative, beyond what is necessary
 Limits = tuple[fmpq, fmpq]
 Change = tuple[str, dict[str, Any]]  # in words, and of a request
+LARGE = 16  # order from which smaller regions are not tried, which takes minutes
 SHARES = (fmpq(1, 2), fmpq(1, 10), fmpq(1, 100))  # of a region, or half-widths where it has no end
 
 
@@ -93,7 +94,7 @@ def other_sign(spec: Spec, engine: Engine) -> Iterator[str]:
 def smaller_region(spec: Spec, engine: Engine, diagnosis: Diagnosis) -> Iterator[str]:
     """Regions on which the types that were derived from f are tight enough: of its arguments, or of inputs in terms."""
     found = derived(spec)
-    if not found:
+    if not found or spec.posed.n >= LARGE:
         return
     ways = [narrowed, *([narrowed_inputs] if any(inputs(spec.nonlinearities[i], spec) for i in found) else [])]
     for narrow, share in product(ways, SHARES):

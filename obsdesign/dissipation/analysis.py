@@ -10,7 +10,7 @@ algebraic loop included; in discrete time e+ does, the error of the next sample,
 members are the vertices of the class and points between them; what is said to be the worst is so of these.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import field
 from functools import cached_property
 from itertools import product
@@ -267,14 +267,19 @@ class Errors:
 
 
 def members(multiplier: Multiplier) -> list[Array]:
-    """Frozen members, (nf, nq) each, in doubles; the same in every run."""
+    """Frozen members, (nf, nq) each, in doubles; the same in every run.
+
+    Where there are too many to try all: every block at its least or its largest, or all at their least and all at their
+    largest ones, and others at random.
+    """
     choices = [samples(block) for block in multiplier.blocks]
     if prod(map(len, choices)) <= MOST:
-        chosen: Iterator[Sequence[Array]] = product(*choices)
-    else:
-        random = np.random.default_rng(0)
-        chosen = ([c[random.integers(len(c))] for c in choices] for _ in range(MOST))
-    return [block_diagonal(list(part)) for part in chosen]
+        return [block_diagonal(list(part)) for part in product(*choices)]
+    ends = [(min(choice, key=np.sum), max(choice, key=np.sum)) for choice in choices]
+    chosen = list(map(list, zip(*ends, strict=True) if 2 ** len(ends) > MOST else product(*ends)))
+    random = np.random.default_rng(0)
+    chosen += [[c[random.integers(len(c))] for c in choices] for _ in range(MOST - len(chosen))]
+    return [block_diagonal(part) for part in chosen]
 
 
 def samples(block: Block) -> list[Array]:

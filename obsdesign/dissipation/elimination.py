@@ -75,16 +75,18 @@ def inequality_of(family: Incremental) -> Form | None:
     rows = family.residual.shape[1]
     nothing = {"P": zeros((p.n, p.n), [p.A]), "Y": zeros(p.C.mT.shape, [p.C]), **dict.fromkeys(scales, 0 * ONE)}
 
-    def supply(mu: float, **given: Float) -> Float:
+    def supply(family: Incremental, mu: float, **given: Float) -> Float:
         values = {**nothing, **given, **family.weights(mu * ONE)}
         Q = np.asarray(family.theorem(values)[0].matrix, dtype=float)
         return Q[:rows, :rows]  # without V+ of samples
 
-    Qc = supply(0.0)
-    Qs = np.array([supply(0.0, **{name: ONE}) - Qc for name in scales]).reshape(-1, *Qc.shape)
+    Qc = supply(family, 0.0)
+    unweighted = replace(family, H=0 * family.H)  # a multiplier in other units is lost beside H'H
+    rest = supply(unweighted, 0.0)
+    Qs = np.array([supply(unweighted, 0.0, **{name: ONE}) - rest for name in scales]).reshape(-1, *Qc.shape)
     B, D = np.hstack([p.Bf, -p.B]), np.hstack([p.Df, -p.D])
     A = p.A / rho if sampled else p.A + family.loss / 2 * np.eye(p.n)
-    form = Form(A, B / rho, p.C, D, Qc, supply(1.0) - Qc, Qs)
+    form = Form(A, B / rho, p.C, D, Qc, supply(family, 1.0) - Qc, Qs)
     return form if family.L1 is None else form.injected(family.L1)
 
 

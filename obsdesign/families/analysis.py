@@ -83,12 +83,12 @@ def mixed(spec: Spec) -> str | None:
 
 
 def useless(gamma: float, found: Mapping[str, Any]) -> str | None:
-    """Note that a design is no better than no observer at all; None if it is."""
+    """Note that a design is not proved to be better than no observer at all; None if it is."""
     gains = {name: gain for name, gain in found["no_observer"].items() if gain is not None}
     if not gains or gamma < min(gains.values()):
         return None
     name = min(gains, key=lambda name: gains[name])
     return (
-        f"gamma = {at_most(gamma)} is no better than no observer at all: with {UNAIDED[name]} the gain is "
-        f"{gains[name]:.6g}, as far as frozen members of the class show it"
+        f"gamma = {at_most(gamma)} does not prove that this is better than no observer at all: with {UNAIDED[name]} "
+        f"the gain is {gains[name]:.6g}, as far as frozen members of the class show it"
     )

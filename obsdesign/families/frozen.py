@@ -21,7 +21,7 @@ from obsdesign.model.frozen import MOST, Hidden, blind, hidden, proved
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
 from obsdesign.records import dataclass
-from obsdesign.spec import Spec, arguments, numbered
+from obsdesign.spec import Nonlinearity, Spec, arguments, numbered
 
 KIND = "member"
 NAME = re.compile(r"[^\W\d]\w*")  # of a signal
@@ -134,8 +134,18 @@ def helps(spec: Spec, demand: Demand) -> bool:
 
 
 def terms(spec: Spec) -> list[str]:
-    """What the function of each class is called, where a plant as equations has a name for it."""
-    return [block.term for block in spec.nonlinearities for _ in block.multiplier.blocks]
+    """What the function of each class is called, where a plant as equations has a name for it.
+
+    Slopes are over the argument q of a block; where a term is written in -q, that is said.
+    """
+    return [block.term + reversed_argument(block) for block in spec.nonlinearities for _ in block.multiplier.blocks]
+
+
+def reversed_argument(block: Nonlinearity) -> str:
+    """Argument a - b of a term that is written in b - a, in words; nothing for others."""
+    parts = block.arguments[0].split(" - ") if block.term and len(block.arguments) == 1 else []
+    reverse = " - ".join(parts[::-1])
+    return f" over {block.arguments[0]}" if len(parts) == 2 and parts[0] != parts[1] and reverse in block.term else ""
 
 
 def members(chosen: Sequence[Array], called: Sequence[str] = ()) -> str:

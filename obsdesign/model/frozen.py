@@ -9,7 +9,7 @@ rationals, and that K is judged at the eigenvectors of what is left. An irration
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import islice, product
+from itertools import chain, islice, product
 
 import numpy as np
 from flint import arb, ctx, fmpq_mat, fmpq_poly
@@ -23,7 +23,8 @@ from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, mode
 from obsdesign.records import dataclass
 
-MOST = 300  # combinations of vertices and free blocks that are looked at
+MOST, FEWEST = 300, 8  # combinations of vertices and free blocks that are looked at
+LARGE = 12  # order from which these are fewer
 RATES = 24  # values of lambda that are tried where there is one for each
 DIGITS = 9  # of a direction that is searched in doubles
 BITS = 200  # of a ball
@@ -58,12 +59,18 @@ def hidden(plant: Plant[Exact], multiplier: Multiplier, edge: Edge) -> Hidden | 
     """
     blocks, found = multiplier.blocks, list[Hidden]()
     choices = [(*((None,) if block.generators else ()), *block.vertices) for block in blocks]
-    for slopes in islice(product(*choices), MOST):
+    first = tuple(block.member for block in blocks)
+    for slopes in islice(chain([first], product(*choices)), looked_at(plant.n)):
         system, through = closed(plant, blocks, slopes)
         motion = unseen(plant, system, through) if system else None
         tried = [slopes] if motion else candidates(plant, blocks, slopes, system, through, edge) if system else ()
         found += [h for s in tried if (h := proved(plant, multiplier, s, edge))]
     return min(found, key=lambda h: edge.of(h.mode.eigenvalue), default=None)
+
+
+def looked_at(n: int) -> int:
+    """How many combinations are looked at for a plant of so many states: each takes of the order of n^3 rationals."""
+    return max(FEWEST, int(MOST * min(1.0, (LARGE / n) ** 3)))
 
 
 def proved(plant: Plant[Exact], multiplier: Multiplier, slopes: Slopes, edge: Edge) -> Hidden | None:

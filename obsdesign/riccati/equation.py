@@ -187,6 +187,8 @@ def worst(form: Eliminated, x: Complex, mu: float, apart: int) -> Signal:
     Qc, Qm = (along(Q, x) for Q in (form.Qc, form.Qm))
     for _ in range(DINKELBACH):
         values, vectors = eigh(Qc + mu * Qm, subset_by_index=[last, last])
+        if not len(values):  # they did not converge
+            break
         signal = Signal.of(form, z @ vectors, apart)
         if not values[0] > 0 or not signal.bound > found.bound:
             break

@@ -19,11 +19,12 @@ from obsdesign.lmi.farkas import Refutation, check
 from obsdesign.lmi.formula import Array, Unknown, Values, approximate, in_floats, printed, rational
 from obsdesign.lmi.proof import Formula
 from obsdesign.model.pencil import System, invariant_zeros, text
-from obsdesign.model.structure import accuracy
+from obsdesign.model.structure import accuracy, undetectable
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least
 
 TIGHTER, MEASURED = "a tighter type of the nonlinearity or another measurement", "another measurement"
+LARGE = 16  # order from which nothing is searched that would do instead
 CLOSE = 1e-3  # relative, from the edge of what is feasible to what is suggested
 
 
@@ -124,7 +125,7 @@ def why_not(spec: Spec, family: Incremental, largest: float | None, known: dict[
     this rate (and at a gamma that was asked for), or else "numerical".
     """
     gamma = printed(known["gamma"]["asked"]) if "gamma" in known else None
-    whole = covers(request_of(spec).printed(), family, gamma)
+    whole = covers(request_of(spec).printed(), family, gamma) and not long_known(in_floats(family))
     proof = absence(family, known) if whole else {"proof": "numerical"}
     return {**reason(spec, family, largest, known), **proof}
 
@@ -174,9 +175,26 @@ def no_slower(family: Incremental) -> str:
 
 
 def slower_helps(spec: Spec, family: Incremental) -> bool:
-    """Whether the largest rate with a solution tells more than what rules every gain out without a solver."""
+    """Whether the largest rate with a solution tells more than what rules every gain out without a solver.
+
+    Of a large plant it is not searched, which takes minutes.
+    """
+    if family.plant.n >= LARGE:
+        return False
     told = structural(spec, in_floats(family))
     return told is None or told["suggestion"] == QUIET
+
+
+def long_known(family: Incremental) -> bool:
+    """Whether a mode of a large plant is hidden, so that multipliers that refute take minutes and prove no more."""
+    return family.plant.n >= LARGE and bool(undetectable(family.plant, family.multiplier.member, family.edge))
+
+
+def ruled_out(spec: Spec, family: Incremental) -> bool:
+    """Whether no gain of a large plant is possible without a solver's word, which takes long; a family in doubles."""
+    if undetectable(family.plant, family.multiplier.member, family.edge):
+        return True
+    return family.plant.n >= LARGE and structural(spec, family) is not None
 
 
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:

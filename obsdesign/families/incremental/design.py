@@ -24,7 +24,7 @@ from obsdesign.dissipation.smaller import proved_small
 from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
-from obsdesign.families.incremental.absence import covers, impossible, slower_helps, why_not
+from obsdesign.families.incremental.absence import covers, impossible, ruled_out, slower_helps, why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point, apart
@@ -43,7 +43,6 @@ from obsdesign.families.poles import missed
 from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Array, Values, in_floats
 from obsdesign.lmi.solve import Status
-from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
 
 
@@ -79,7 +78,7 @@ class Designer:
             self.notes.append(UNDISTURBED)
             self.request = replace(self.request, objective="feasibility")
         fixed = in_floats(self.family)
-        if undetectable(fixed.plant, fixed.multiplier.member, fixed.edge):
+        if ruled_out(self.spec, fixed):
             return self.infeasible(self.lowest)
         at_the_edge(fixed)
         if self.request.gains:

@@ -13,7 +13,7 @@ from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable, unplaced
 from obsdesign.errors import UsageError
 from obsdesign.families.finding import smaller_class
-from obsdesign.families.incremental.absence import CLOSE, impossible, within_bounds
+from obsdesign.families.incremental.absence import CLOSE, LARGE, impossible, within_bounds
 from obsdesign.families.incremental.decay import Decay
 from obsdesign.families.incremental.extent import largest_class
 from obsdesign.families.incremental.stiffness import QUIET
@@ -63,6 +63,8 @@ def beyond(decay: Decay, rate: fmpq, limit: float | None, reached: float | None)
 
 def remedied(spec: Spec, decay: Decay, rate: fmpq, largest: float | None, diagnosis: Diagnosis) -> Diagnosis:
     """Diagnosis with what was tried and would do: other noise where that is in the way, and a smaller class of f."""
+    if decay.family.plant.n >= LARGE:
+        return diagnosis
     within = within_bounds(spec)
     quiet = diagnosis["suggestion"] == QUIET
     hints = list(quieter(decay, rate, largest, within)) if quiet else [diagnosis["suggestion"]]
