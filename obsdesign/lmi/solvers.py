@@ -46,6 +46,9 @@ CLARABEL = {
 }  # any other: it stalled
 
 
+PRECISE = 1e-10  # relative gap of a program of a few unknowns
+
+
 class Columns(NamedTuple):
     """A sparse matrix by columns in the form that Clarabel reads; saves importing scipy.sparse."""
 
@@ -153,6 +156,32 @@ def clarabel_once(program: Program, *, chordal: bool, refined: bool = True) -> S
     duals = dict(zip(order, from_triangles(np.array(solution.z), orders), strict=True))
     ending = CLARABEL.get(str(solution.status), Ending.STALLED)
     return Solved(ending, np.array(solution.x), tuple(duals[k] for k in range(len(blocks))))
+
+
+@cache
+def settings_of_few() -> Any:
+    """Settings of Clarabel for a program of a few unknowns."""
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = PRECISE
+    return settings
+
+
+def quadratic(cost: Array, G: Array, h: Array, bend: float = 0.0) -> tuple[Array, float] | None:
+    """Minimise cost x + bend |x|^2 / 2 over G x >= h: x, and the bound of its dual; None where it is not solved."""
+    import scipy.linalg  # noqa: F401  # as above
+    import clarabel  # isort: skip
+
+    cones = [clarabel.NonnegativeConeT(len(h))]
+    curved = columns(bend * np.eye(len(cost)))
+    solution = clarabel.DefaultSolver(curved, cost, columns(-G.T), -h, cones, settings_of_few()).solve()
+    x, ending = np.array(solution.x), CLARABEL.get(str(solution.status))
+    solved = ending in (Ending.SOLVED, Ending.INACCURATE) and bool(np.isfinite(x).all())
+    return (x, float(solution.obj_val_dual)) if solved else None
 
 
 CVXPY = {

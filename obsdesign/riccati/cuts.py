@@ -6,17 +6,14 @@ found by small linear and quadratic programs in lambda relative to some scales, 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
-from obsdesign.lmi.solvers import columns
+from obsdesign.lmi.solvers import quadratic
 from obsdesign.riccati.equation import Signal
 
 BOX = 30.0  # factor by which a scale changes at most in one step
-PRECISE = 1e-10  # relative gap of a program
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class Cuts:
         rows, right = self.rows(scales, mu)
         k = len(scales)
         positive = np.eye(k + 1)
-        found = program(positive[-1], np.vstack([-rows, positive]), np.concatenate([-right, np.zeros(k + 1)]))
+        found = quadratic(positive[-1], np.vstack([-rows, positive]), np.concatenate([-right, np.zeros(k + 1)]))
         return max(found[1], 0.0) * mu if found else 0.0
 
     def nearest(self, scales: Float, mu: float, level: float) -> Float | None:
@@ -72,7 +69,7 @@ class Cuts:
         k = len(scales)
         G = np.vstack([-rows[:, :k], np.eye(k), -np.eye(k)])
         h = rows[:, :k].sum(axis=1) + rows[:, k] * level / mu - right
-        found = program(np.zeros(k), G, np.concatenate([h, np.full(k, 1 / BOX - 1), np.full(k, 1 - BOX)]), bend=1.0)
+        found = quadratic(np.zeros(k), G, np.concatenate([h, np.full(k, 1 / BOX - 1), np.full(k, 1 - BOX)]), bend=1.0)
         return found and scales * (1 + found[0])
 
     def lowest(self, scales: Float, mu: float) -> Float | None:
@@ -81,7 +78,7 @@ class Cuts:
         k = len(scales)
         each = np.eye(k + 1)[:k]
         h = np.concatenate([-right, np.full(k, 1 / BOX), np.full(k, -BOX)])
-        found = program(np.eye(k + 1)[-1], np.vstack([-rows, each, -each]), h)
+        found = quadratic(np.eye(k + 1)[-1], np.vstack([-rows, each, -each]), h)
         return found and scales * found[0][:-1]
 
     def middle(self, about: Float, mu: float) -> Float | None:
@@ -97,7 +94,7 @@ class Cuts:
         apart = np.hstack([np.eye(k), -np.ones((k, 1))])  # a scale is at least its distance from what cuts it
         G = np.vstack([-np.hstack([rows, np.ones((len(rows), 1))]), apart, np.eye(k + 1), -np.eye(k + 1)[:k]])
         h = np.concatenate([-right, np.zeros(k), np.full(k, 1 / BOX), np.zeros(1), np.full(k, -BOX)])
-        found = program(-np.eye(k + 1)[-1], G, h)
+        found = quadratic(-np.eye(k + 1)[-1], G, h)
         return found and about * found[0][:-1]
 
     def rows(self, scales: Float, mu: float) -> tuple[Float, Float]:
@@ -106,27 +103,3 @@ class Cuts:
         right = -np.array([cut.base for cut in self])
         sizes = np.maximum(np.abs(rows).max(axis=1), np.abs(right))
         return rows / sizes[:, None], right / sizes
-
-
-@cache
-def settings() -> Any:
-    """Settings of Clarabel for a few unknowns."""
-    import clarabel
-
-    made = clarabel.DefaultSettings()
-    made.verbose, made.max_threads, made.presolve_enable = False, 1, False
-    made.tol_gap_abs = made.tol_gap_rel = made.tol_feas = PRECISE
-    return made
-
-
-def program(cost: Float, G: Float, h: Float, bend: float = 0.0) -> tuple[Float, float] | None:
-    """Minimise cost x + bend |x|^2 / 2 over G x >= h: x, and the bound of its dual; None where it is not solved."""
-    import scipy.linalg  # noqa: F401  # before Clarabel, as in `lmi/solvers`
-    import clarabel  # isort: skip
-
-    none = columns(bend * np.eye(len(cost)))
-    cones = [clarabel.NonnegativeConeT(len(h))]
-    found = clarabel.DefaultSolver(none, cost, columns(-G.T), -h, cones, settings()).solve()
-    x = np.array(found.x)
-    solved = str(found.status) in ("Solved", "AlmostSolved") and bool(np.isfinite(x).all())
-    return (x, float(found.obj_val_dual)) if solved else None
