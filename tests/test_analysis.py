@@ -429,7 +429,7 @@ def test_the_largest_ratio_of_two_forms_is_proved_and_near():
 
 @pytest.mark.parametrize("count", [5, 10])
 def test_of_many_blocks_the_ends_of_all_slopes_are_tried(count):
-    """A chain of tanks errs most where every slope is at its least; of a few blocks all vertices are tried."""
+    """Of a few blocks all vertices are tried."""
     multiplier = od.load(chain(2 * count, springs=tuple(range(count)))).multiplier
     tried = {tuple(np.diag(K)) for K in members(multiplier)}
     ends = [sorted(float(K.item()) for K in block.vertices) for block in multiplier.blocks]
