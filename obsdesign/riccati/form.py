@@ -67,12 +67,27 @@ class Form:
         return Form(self.A, B, self.C, D, Qc, Qm, Qs)
 
     def balanced(self) -> tuple["Form", Float]:
-        """Same in the states e / s, s powers of two (n,) that bring the entries near each other, and s."""
-        n = self.n
-        s = scales(self.A, self.B @ self.B.T, self.Qc[:n, :n] + self.C.T @ self.C)
-        rows = np.concatenate([s, np.ones(self.B.shape[1])])
+        """Same in the states e / s, s powers of two (n,) that bring the entries near each other, and s.
+
+        What f is measured in does not matter either: the bound that its multiplier sets is about 1.
+        """
+        n, units = self.n, self.units()
+        B = self.B * units
+        s = scales(self.A, B @ B.T, self.Qc[:n, :n] + self.C.T @ self.C)
+        rows = np.concatenate([s, units])
         Qc, Qm, Qs = (Q * np.outer(rows, rows) for Q in (self.Qc, self.Qm, self.Qs))
-        return Form(self.A * s / s[:, None], self.B / s[:, None], self.C * s, self.D, Qc, Qm, Qs), s
+        return Form(self.A * s / s[:, None], B / s[:, None], self.C * s, self.D * units, Qc, Qm, Qs), s
+
+    def units(self) -> Float:
+        """Powers of two (m,) in which to measure u: 1 but for an f that its multiplier bounds by the error."""
+        n = self.n
+        units = np.ones(self.B.shape[1])
+        for Q in self.Qs:
+            own = -np.diag(Q)[n:]
+            bounded = own > 0
+            size = size_of(Q[:n, :n], Q[:n, n:][:, bounded], Q[n:, n:][np.ix_(bounded, bounded)])
+            units[bounded] = np.exp2(np.rint(np.log2(size / own[bounded]) / 2))
+        return units
 
     def injected(self, L: Float) -> "Form":
         """Same with the gain L given: without outputs."""
@@ -128,6 +143,13 @@ def quadrants(A: Float, B: Float, C: Float, D: Float) -> Float:
     whole[: len(A), : A.shape[1]], whole[: len(A), A.shape[1] :] = A, B
     whole[len(A) :, : A.shape[1]], whole[len(A) :, A.shape[1] :] = C, D
     return whole
+
+
+def size_of(ee: Float, ef: Float, ff: Float) -> float:
+    """Size of what a multiplier adds to the weight of e, with its f eliminated."""
+    across = float(np.linalg.norm(ef, 2)) ** 2 if ef.size else 0.0
+    under = float(np.linalg.norm(ff, 2)) if ff.size else 0.0
+    return max(float(np.linalg.norm(ee, 2)), across / under if under else 0.0) or 1.0
 
 
 def scales(A: Float, G: Float, Q: Float) -> Float:

@@ -21,9 +21,8 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.central import DEFINITE, ON_OUTPUTS, ON_STATES, Central, sizes
 from obsdesign.riccati.equation import RESIDUAL, Equation
-from obsdesign.riccati.form import CERTAIN, Eliminated, Form, UnclearError, split
+from obsdesign.riccati.form import CERTAIN, Eliminated, Form, UnclearError, size_of, split
 from obsdesign.riccati.least import NEGATIVE, RANGE, STEP, Least
-from obsdesign.riccati.scaled import size_of
 
 CLOSE = 1e-9  # relative, to which the least mu is found
 SAME = 1e-5  # .. in other coordinates

@@ -15,7 +15,7 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.cuts import Cuts
 from obsdesign.riccati.equation import Signal
-from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
+from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, size_of, without_exact_outputs
 from obsdesign.riccati.least import (
     ABOVE,
     BELIEVED,
@@ -219,10 +219,3 @@ def sought(search: Scales, unit: Float, mu: float, look: Callable[[Float], bool]
         if scales is None or look(scales):
             return
         about = scales
-
-
-def size_of(ee: Float, ef: Float, ff: Float) -> float:
-    """Size of what a multiplier adds to the weight of e, with its f eliminated."""
-    across = float(np.linalg.norm(ef, 2)) ** 2 if ef.size else 0.0
-    under = float(np.linalg.norm(ff, 2)) if ff.size else 0.0
-    return max(float(np.linalg.norm(ee, 2)), across / under if under else 0.0) or 1.0
