@@ -26,7 +26,10 @@ from obsdesign.spec import Spec
 # conditions of a diagnosis that a solver may decide
 NUMERICAL = {"inequality", "decay", "lipschitz", "gamma", "gains", "bounds"}
 INJECTIONS = {"L1", "L", "K", "K_of_gap", "E"}  # gains that act on the states; the others do not depend on these
+ALIKE = 10  # condition of T, and ..
+NEAR = 1e3  # .. ratio of the numbers of a plant in the other states, up to which these tell nothing more
 LARGEST = 1e12  # condition of T, in the best units, above which its inverse is rounding
+ROUNDING = 1e-12  # relative, of zeros in other states
 DIGITS = 12  # of T: with fewer, numbers of A that are far from its eigenvalues do not cancel
 OF_GAINS = (6, 9, 12, 17)
 SWEEPS = 4  # in which units are found
@@ -58,6 +61,8 @@ def designed(spec: Spec, engine: Engine, design: Design) -> Outcome:
     except UndecidedError as error:
         failed, outcome = error, Outcome(Verdict.UNDECIDED)
     T = None if fixed(spec) else states(spec)
+    if T is not None and outcome.status is Verdict.INFEASIBLE and plain(spec, T):
+        return outcome
     other = None if T is None else trial(turned(spec, T), engine, design)
     if T is not None and other is not None and other.claim and other.claim.holds and not placed(spec):
         S = whole(spec, inverse(T))
@@ -115,6 +120,26 @@ def states(spec: Spec) -> Exact | None:
         return None
     found: Exact = printed(significant(T * column, DIGITS))
     return found
+
+
+def plain(spec: Spec, T: Exact) -> bool:
+    """Whether a plant is as well conditioned in its own states as in others, x = T x', in which a solver can tell more.
+
+    T is all but orthogonal, and in the states x' the numbers of the plant other than zeros are near each other.
+    """
+    doubles = in_floats(T)
+    V = doubles / np.linalg.norm(doubles, axis=0)
+    if np.linalg.cond(V) > ALIKE:
+        return False
+    p, H = spec.plant.doubles, in_floats(spec.H)[:, : len(V)]
+    on_states = (np.linalg.solve(V, M) for M in (p.A @ V, p.B, p.Bf))
+    sizes = map(np.abs, (*on_states, p.C @ V, p.Cq @ V, H @ V))
+    return all(M[M > 0].max(initial=0.0) <= NEAR * M[M > 0].min(initial=np.inf) for M in map(cleaned, sizes))
+
+
+def cleaned(sizes: Float) -> Float:
+    """Sizes without those that are rounding beside the largest."""
+    return np.where(sizes > ROUNDING * sizes.max(initial=0.0), sizes, 0.0)
 
 
 def member(spec: Spec) -> Array:

@@ -1,12 +1,14 @@
 """A plant in awkward states has the verdict that it has in its own: what is feasible is never called infeasible."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_every_family import SMALL
 
 import obsdesign as od
 from obsdesign.dissipation.engine import Engine
-from obsdesign.elsewhere import NOTE, designed, inverse, states, turned, unsized
+from obsdesign.elsewhere import NOTE, designed, inverse, plain, states, turned, unsized
 from obsdesign.errors import UndecidedError
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import Outcome, Verdict
@@ -51,18 +53,18 @@ def refusing(spec, otherwise):
 
 
 def test_gains_that_are_found_in_other_states_are_proved_in_those_of_the_spec():
-    spec = od.Spec(name="moved", **SMALL["l2"][0].sections())
+    spec = awkward("l2")
     made = designed(spec, Engine(), refusing(spec, FAMILIES["l2"].design))
     assert made.status is Verdict.CERTIFIED
     assert made.notes[-1] == NOTE
     assert made.claim.holds
     assert made.claim.certificate.family.plant is spec.posed
-    given = od.Spec(name="given", **SMALL["l2"][0].sections(observer={"gains": made.gains}))
+    given = replace(spec, observer=replace(spec.observer, gains={n: printed(K) for n, K in made.gains.items()}))
     assert od.solve(given).guarantee.gamma == pytest.approx(made.claim.guarantee(spec).gamma, rel=0.05)
 
 
 def test_a_word_that_does_not_hold_in_other_states_is_no_verdict():
-    spec = od.Spec(name="doubted", **SMALL["l2"][0].sections())
+    spec = awkward("l2")
 
     def undecided(*_):
         raise UndecidedError("not decided", id="OBS507")
@@ -73,6 +75,24 @@ def test_a_word_that_does_not_hold_in_other_states_is_no_verdict():
     assert agreed.diagnosis == NUMERICAL
     exact = Outcome(Verdict.INFEASIBLE, diagnosis={**NUMERICAL, "proof": "exact"})
     assert designed(spec, Engine(), lambda asked, _: exact if asked is spec else undecided()) is exact
+
+
+def test_a_plant_whose_numbers_are_near_each_other_is_not_looked_at_elsewhere():
+    spec = od.Spec(name="plain", **SMALL["l2"][0].sections())
+    asked = []
+
+    def infeasible(spec, _):
+        asked.append(spec)
+        return Outcome(Verdict.INFEASIBLE, diagnosis=NUMERICAL)
+
+    assert designed(spec, Engine(), infeasible).diagnosis == NUMERICAL
+    assert asked == [spec]
+    stiff = od.Spec(
+        system={"A": [[-50001, 49999], [49999, -50001]], "C": [[1, 0]]}, observer={"type": "l2", "alpha": 0.1}
+    )
+    assert plain(spec, states(spec))
+    assert not plain(stiff, states(stiff))  # eigenvalues -2 and -1e5, eigenvectors that are orthogonal
+    assert not plain(awkward("l2"), states(awkward("l2")))
 
 
 def test_a_plant_in_other_states_is_the_same_plant():

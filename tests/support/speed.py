@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import time
-from functools import cache
 from statistics import median
 
 
@@ -14,6 +13,12 @@ def processor_time(run):
     return time.process_time() - start, result
 
 
+def compared(ours, theirs, pairs=5):
+    """Least seconds of one call and of another, in turn, so that what else the machine does meets both alike."""
+    times = [(processor_time(ours)[0], processor_time(theirs)[0]) for _ in range(pairs)]
+    return min(first for first, _ in times), min(second for _, second in times)
+
+
 def child_time(*command):
     """Seconds that a whole process takes with its start-up, the median of five."""
     code = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL); "
@@ -22,7 +27,9 @@ def child_time(*command):
     return median(float(run.stdout) for run in runs)
 
 
-@cache
 def slowness():
-    """How much slower this machine is at starting numpy than the one the bounds were set on (0.1 s), at least 1."""
+    """How much slower this machine is now at starting numpy than the one bounds were set on (0.1 s), at least 1.
+
+    Measured anew each time: a shared machine is not equally fast for long.
+    """
     return max(1.0, child_time(sys.executable, "-c", "import numpy") / 0.1)
