@@ -174,7 +174,7 @@ def least_supply(engine: Engine, form: Form) -> Answer | None:
     made = (
         told(
             found,
-            lambda known, _: (known.mu if same(other, known, SAME) else least(other).mu for other in turned(form)),
+            lambda known, _: (known.mu if same(other, known, SAME) else least(other).mu for other in others(form)),
         )
         if engine.eliminates
         else None
@@ -212,12 +212,13 @@ def elsewhere(form: Form, family: Incremental, known: Least, values: Values) -> 
     """The same least mu in other coordinates: of an ill-conditioned form it comes out another."""
     if values:
         form = form.scaled(array(of_one(family, known.mu, values)))
-    _, s = form.balanced()
+    balanced, s = form.balanced()
     sampled, peak = family.about.pace.sampled, family.about.peak
-    for other, R in zip(turned(form), turns(form.n), strict=True):
+    for R in turns(form.n):
+        other = balanced.turned(R)
         H = family.H * s @ R.T if peak else None
         if H is not None and not sampled:
-            yield least_peak_again(other, H, known)
+            yield least_peak_again(other, H, known, SAME)
         elif not sampled and same(other, known, SAME):
             yield known.mu
         else:
@@ -249,7 +250,7 @@ def turns(n: int) -> Iterator[Float]:
     return (np.linalg.qr(np.random.default_rng(seed).normal(size=(n, n))).Q for seed in range(TURNS))
 
 
-def turned(form: Form) -> Iterator[Form]:
+def others(form: Form) -> Iterator[Form]:
     """Form in other coordinates."""
     balanced, _ = form.balanced()
     return (balanced.turned(R) for R in turns(form.n))

@@ -37,29 +37,51 @@ def least_peak(form: Form, H: Float) -> Least:
     return Least(mu, mu, max(added, 0.0), shares[-1])
 
 
-def least_peak_again(form: Form, H: Float, known: Least) -> float:
-    """The same in other coordinates, with the noise on the states that was small enough. Raises as `least_peak`."""
+def least_peak_again(form: Form, H: Float, known: Least, near: float) -> float:
+    """The same in other coordinates, with the noise on the states that was small enough. Raises as `least_peak`.
+
+    `near`: relative, a difference to what is known below which one equation tells.
+    """
     if not known.share:
         return least_peak(form, H).mu
     reduced, N = without_exact_outputs(form)
     balanced, s = reduced.balanced()
-    return with_noise(balanced, H @ N * s, known.share)
+    noisy, output = reached(balanced, known.share), H @ N * s
+    X = solution(noisy, reduced.n)
+    mu = size(output, X)
+    return mu if abs(mu - known.mu) <= near * known.mu else size(output, closer(noisy, reduced.n, X))
 
 
 def with_noise(form: Form, output: Float, share: float) -> float:
     """Least mu of a balanced form with a small noise on every state. Raises `UnclearError`."""
     noisy = reached(form, share)
-    search = Search(Eliminated.of(noisy), form.n)
-    if len(form.Qs) and (far := search.at(FAR)).solved:  # without f there is always an X, and none below it
-        search.refer(far)
+    return size(output, closer(noisy, form.n, solution(noisy, form.n)))
+
+
+def size(output: Float, X: Float) -> float:
+    """Largest eigenvalue of H X H'."""
+    return float(np.linalg.eigvalsh(output @ X @ output.T).max(initial=0.0))
+
+
+def closer(form: Form, states: int, X: Float) -> Float:
+    """X of a form for mu = 1 from an equation in coordinates in which it is about 1. Raises `UnclearError`."""
+    R = root(X)
+    moved = solution(form.moved(R), states, settled=True)
+    return np.asarray(R @ moved @ R.T)
+
+
+def solution(form: Form, states: int, *, settled: bool = False) -> Float:
+    """X of a form for mu = 1. Raises `UnclearError`: none is found.
+
+    `settled`: whether X is about 1, so that no other one is asked which solution this is.
+    """
+    search = Search(Eliminated.of(form), states)
+    if not settled and len(form.Qs) and (far := search.at(FAR)).solved:
+        search.refer(far)  # without f there is always an X, and none below it
     point = search.at(1.0)
-    if not point.solved or point.X is None:
+    if not point.solved or point.X is None or (settled and not (point.equation and point.equation.solved_by(point.X))):
         raise UnclearError("no P was found")
-    R = root(point.X)
-    point = Search(Eliminated.of(noisy.moved(R)), form.n).at(1.0)
-    if not point.solved or point.X is None or not point.equation or not point.equation.solved_by(point.X):
-        raise UnclearError("no P was found")
-    return float(np.linalg.eigvalsh(output @ R @ point.X @ R.T @ output.T).max(initial=0.0))
+    return point.X
 
 
 def peak_shares(form: Form) -> tuple[float, float]:
