@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.linalg
 from support.rods import RODS, almost_exact, family, random_plant, rod, rod_spec
 
 import obsdesign as od
@@ -173,6 +174,26 @@ def test_a_rank_that_doubles_do_not_tell_is_left_to_the_inequalities():
         least(form_of(problem))
     assert least_gamma(Engine(), problem) is None
     assert gain.within(Engine(), problem).status is Status.OPTIMAL
+
+
+def test_a_heat_flux_through_a_strip_is_estimated_in_samples():
+    """A sinusoid in one of 40 cells, which nothing else disturbs: X is all but singular."""
+    n, rho, period, omega = 40, 0.9995, 0.1, 0.05
+    A = np.zeros((n + 2, n + 2))
+    A[:n, :n] = 0.2 * (np.eye(n, k=1) + np.eye(n, k=-1)) + np.diag([0.798, *[0.598] * (n - 2), 0.798])
+    A[n:, n:] = scipy.linalg.expm(period * np.array([[0, 1], [-(omega**2), 0]]))
+    A[12, n] = 0.1
+    B, D = np.zeros((n + 2, 3)), np.hstack([np.zeros((2, 1)), 0.05 * np.eye(2)])
+    B[n + 1, 0] = 0.1
+    C, H = np.eye(n + 2)[[7, 29]], np.eye(n + 2)[[n]]
+    problem = family("l2", A, B, C, D, rate=1 - rho, H=H, sampled=True)
+    answer = least_gamma(Engine(), problem)
+    assert answer is not None
+    gamma = math.sqrt(answer.objective)
+    L = next(central_gains(problem, 1.05 * gamma, np.zeros(0))).L
+    z = np.exp(1j * np.concatenate([[0.0], np.geomspace(1e-5, np.pi, 4000)]))
+    gains = [H @ np.linalg.solve(rho * one * np.eye(n + 2) - A - L @ C, B + L @ D) for one in z]
+    assert gamma * (1 - 1e-3) <= max(np.linalg.norm(gain, 2) for gain in gains) <= 1.05 * gamma
 
 
 def test_another_solver_is_a_check_of_the_equations():

@@ -264,3 +264,11 @@ class Eliminated:
         T = quadrants(np.eye(n), np.zeros((n, Z.shape[1])), -back @ form.C, Z)
         Qc, Qm, Qs = (T.T @ Q @ T for Q in (form.Qc, form.Qm, form.Qs))
         return cls(form.A - form.B @ back @ form.C, form.B @ Z, Qc, Qm, Qs, T, form.supply)
+
+    def moved(self, R: Float) -> "Eliminated":
+        """Same in the states R^-1 x, R nonsingular (n, n)."""
+        n, rows = len(self.A), np.eye(len(self.Qc))
+        rows[:n, :n] = R
+        A, B = (np.asarray(np.linalg.solve(R, M)) for M in (self.A @ R, self.B))
+        Qc, Qm, Qs = (rows.T @ Q @ rows for Q in (self.Qc, self.Qm, self.Qs))
+        return Eliminated(A, B, Qc, Qm, Qs, self.T @ rows, self.supply)

@@ -22,7 +22,7 @@ from obsdesign.lmi.formula import Float
 from obsdesign.riccati.central import DEFINITE, ON_OUTPUTS, ON_STATES, Central, sizes
 from obsdesign.riccati.equation import RESIDUAL, Equation
 from obsdesign.riccati.form import CERTAIN, Eliminated, Form, UnclearError, size_of, split
-from obsdesign.riccati.least import NEGATIVE, RANGE, STEP, Least
+from obsdesign.riccati.least import NEGATIVE, RANGE, STEP, Least, root
 
 CLOSE = 1e-9  # relative, to which the least mu is found
 SAME = 1e-5  # .. in other coordinates
@@ -56,26 +56,37 @@ def in_time(form: Form) -> Eliminated:
 def largest(eliminated: Eliminated, mu: float) -> Float | None:
     """X = P^-1 of the largest P on the kernel; None where there is none.
 
-    Raises `UnclearError`: X does not solve its equation.
+    Where X does not solve its equation to within rounding it is found in the states in which it is about 1. Raises
+    `UnclearError`: it does not solve it there either.
     """
+    X, exact = solution(eliminated, mu)
+    if X is None or exact:
+        return X
+    R = root(X)
+    moved, exact = solution(eliminated.moved(R), mu)
+    if moved is None or not exact:
+        raise UnclearError("the equation is not solved in double precision")
+    return np.asarray(R @ moved @ R.T)
+
+
+def solution(eliminated: Eliminated, mu: float) -> tuple[Float | None, bool]:
+    """X of a mu, None where there is none, and whether it solves its equation to within rounding."""
     try:
         equation = Equation.of(eliminated, mu)
     except UnclearError:  # s = 0 with w alone, V+ = V: no P pays for it
-        return None
+        return None, True
     with np.errstate(invalid="ignore"):  # scipy casts scales to places, and does not use them
         space = equation.subspace()
     try:
         X = None if space is None else space.X
     except np.linalg.LinAlgError:
-        return None
+        return None, True
     if X is None or not np.isfinite(X).all():
-        return None
+        return None, True
     values = np.linalg.eigvalsh(X)
     if values[0] < NEGATIVE * max(values[-1], 0.0):
-        return None
-    if values[-1] > 0 and not equation.solved_by(X):
-        raise UnclearError("the equation is not solved in double precision")
-    return X
+        return None, True
+    return X, values[-1] <= 0 or equation.solved_by(X)
 
 
 def floor(form: Form, mu: float) -> Float:
