@@ -4,11 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from flint import fmpq
 from matplotlib.figure import Figure
 
 import obsdesign as od
+from obsdesign.dissipation.bounds import Range, Trade
+from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.scan import knee
 from obsdesign.errors import UsageError
+from obsdesign.families.trade import Spot, Trader
 from obsdesign.plot.gain import gain_sheet
 
 SPRING = {"A": [[0, 1], [-2, -1]], "B": [[0], [1]], "C": [[1, 0]], "outputs": ["y"]}
@@ -214,3 +218,16 @@ def test_the_figure_shows_gains_noise_and_the_knee(tmp_path):
     assert drawn["between the ends"].get_xdata() == pytest.approx(gains[[0, -1]])
     assert [line.get_label() for line in below.get_lines()] == ["noise in x1", "noise in x2"]
     assert {axes.get_xscale() for axes in (top, below)} == {axes.get_yscale() for axes in (top, below)} == {"log"}
+
+
+def test_a_point_of_the_curve_is_no_worse_than_those_of_smaller_bounds(monkeypatch):
+    """Where the search within a larger bound finds a worse gain, or none, that of the smaller one is within both."""
+    gammas = {1: math.nan, 10: 3.0, 100: 4.0, 1000: math.nan, 10000: 2.0}
+    monkeypatch.setattr(Trader, "spot", lambda _, size: Spot(size, None, float(size) / 2, gammas[round(float(size))]))
+    sizes = Range(fmpq(1), fmpq(10000), 5, log=True)
+    trader = Trader(spec(L2), Engine(), Trade("L1", sizes), None, None, None, None)
+    spots = list(trader.spots())
+    assert [float(spot.size) for spot in spots] == pytest.approx(list(gammas))
+    assert [spot.gamma for spot in spots[1:]] == [3.0, 3.0, 3.0, 2.0]
+    assert [spot.gain for spot in spots[1:]] == [5.0, 5.0, 5.0, 5000.0]
+    assert not spots[0].certified

@@ -146,7 +146,9 @@ def asked(spec: Spec, period: str | float | None, method: str | None) -> Impleme
         return None
     given = spec.implementation
     if given is None and (period is None or method is None):
-        said = "the spec has no implementation; give --period SECONDS and --method euler, rk4 or exact"
+        options = {"--period SECONDS": period, "--method euler, rk4 or exact": method}
+        missing = " and ".join(option for option, value in options.items() if value is None)
+        said = f"the spec has no implementation; give {missing}"
         raise UsageError(Problem(said, key="implementation", id="OBS801"))
     if method is not None and method not in METHODS:
         raise UsageError(f"--method: {method!r} is no method; allowed: {', '.join(METHODS)}", id="OBS904")

@@ -101,11 +101,15 @@ class Trader:
         raise UndecidedError(f"no bound on |{self.trade.gain}| was found with a certified gain", id="OBS507")
 
     def spots(self) -> Iterator[Spot]:
-        """Designs of the bounds, the smallest first."""
+        """Designs of the bounds, the smallest first; the best of a smaller bound is one of a larger bound, too."""
         sizes = [*self.trade.sizes.grid()] if self.trade.sizes else self.found()
+        best = None
         for i, size in enumerate(sizes):
             self.engine.report(i / len(sizes), f"|{self.trade.gain}| <= {float(size):.4g}")
             spot = self.spot(size)
+            if best and not spot.gamma <= best.gamma:
+                spot = replace(best, size=size)
+            best = spot if spot.certified else None
             yield spot
             if self.trade.sizes is None and spot.near:
                 return
