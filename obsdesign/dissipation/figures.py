@@ -14,7 +14,8 @@ def figures(errors: Errors, P: Array | None) -> dict[str, Any]:
     Returns `poles` of A + L1 C, which leaves f out, as [real, imaginary], the slowest first: in 1/s, or of samples;
     in continuous time `fastest` of these in 1/s and `largest_step` in s of the classical Runge-Kutta method, for every
     frozen member, whereas samples leave no step to choose; `noise_gain` from measurement noise to each estimate, of the
-    worst member (largest singular value over frequency; empty where a pole is not stable); `condition_P`.
+    worst member (largest singular value over frequency; empty where a pole is not stable); `condition_P`, if
+    doubles hold it.
     """
     A = errors.plant.A + errors.L1 @ errors.plant.C
     poles = np.linalg.eigvals(A)
@@ -23,6 +24,5 @@ def figures(errors: Errors, P: Array | None) -> dict[str, Any]:
     if not errors.modes.sampled:
         found |= {"fastest": float(np.abs(poles).max()), "largest_step": errors.explicit_step["rk4"]}
     found["noise_gain"] = errors.noise_gain()
-    if P is not None:
-        found["condition_P"] = float(np.linalg.cond(P))
-    return found
+    condition = np.inf if P is None else float(np.linalg.cond(P))
+    return found | ({"condition_P": condition} if np.isfinite(condition) else {})

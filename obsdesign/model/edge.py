@@ -35,8 +35,12 @@ class Edge:
         return 1 - abs(mode) if self.sampled else -mode.real
 
     def slow(self, mode: complex, slack: float = 0.0) -> bool:
-        """Whether a mode decays no faster than it must, up to some slack; where the edge is weak, surely slower."""
-        return self.of(mode) + (slack if self.weak else -slack) <= float(self.rate)
+        """Whether a mode decays no faster than it must, up to some slack, to which it is known.
+
+        Where that is more than a mode may differ from the edge, as of stiff plants, or the edge is weak: surely slower.
+        """
+        known = self.sampled or not self.rate or slack <= float(1 - NEARLY) * float(self.rate)
+        return self.of(mode) + (-slack if known and not self.weak else slack) <= float(self.rate)
 
     @property
     def nearly(self) -> fmpq:
