@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.rods import beam, chain, heat, random_family
+from support.rods import beam, chain, heat, noises, random_family, written
 
 import obsdesign as od
 from obsdesign.dissipation import gain
@@ -164,18 +164,36 @@ def test_what_the_search_does_not_find_the_inequalities_decide():
     assert found
 
 
-@pytest.mark.parametrize("units", [(1e-9, 1e-9), (1e8, 1e8), (1e-6, 1e6)])
-@pytest.mark.parametrize("text", [heat(12), beam(8), chain(12)], ids=["heat", "beam", "chain"])
-def test_the_units_of_nonlinearities_do_not_matter(text, units):
-    """Bf in other units, and M so that the class is the same; its part in e is far below H'H then."""
-    family = in_doubles(text)
+def in_units(family, units):
+    """Family whose f are in other units: Bf times these, and M so that the class is the same."""
     units = np.resize(units, family.plant.Bf.shape[1])
     blocks = zip(family.multiplier.blocks, units, strict=True)
     changed = tuple(replace(block, M11=block.M11 / unit**2, M12=block.M12 / unit) for block, unit in blocks)
     plant = replace(family.plant, Bf=family.plant.Bf * units)
-    other = replace(family, plant=plant, multiplier=Multiplier(changed))
-    (known, _), (found, _) = (least_of(form_of(each), each) for each in (family, other))
+    return replace(family, plant=plant, multiplier=Multiplier(changed))
+
+
+@pytest.mark.parametrize("units", [(1e-9, 1e-9), (1e8, 1e8), (1e-6, 1e6)])
+@pytest.mark.parametrize("text", [heat(12), beam(8), chain(12)], ids=["heat", "beam", "chain"])
+def test_the_units_of_nonlinearities_do_not_matter(text, units):
+    """The part in e of a multiplier may be far below H'H."""
+    family = in_doubles(text)
+    (known, _), (found, _) = (least_of(form_of(each), each) for each in (family, in_units(family, units)))
     assert found.mu == pytest.approx(known.mu, rel=1e-8)
+
+
+@pytest.mark.parametrize("units", [(1e-12, 1e12), (1e12, 1e-12), (1e-12, 1.0)])
+@pytest.mark.parametrize("seed", range(4))
+def test_nor_do_those_of_monotone_ones(seed, units):
+    rng, n = np.random.default_rng(seed), 8
+    A = rng.normal(size=(n, n))
+    A -= (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(n)
+    b, Bf, Cq, B = rng.normal(size=(4, n)).round(2)
+    blocks = [(-b, b, "monotone"), (Bf, Cq, (0, 0.1))]
+    B, D = noises(n, B, 0.1)
+    family = in_doubles(written(A.round(3), B, rng.normal(size=(2, n)), D, blocks, 0.1))
+    known, found = (least_gamma(Engine(), each, smallest=0) for each in (family, in_units(family, units)))
+    assert found.objective == pytest.approx(known.objective, rel=2e-5)
 
 
 BEARING = {0.1: 2.29891e-4, 0.71: 2.345855e-4, 9.9: 3.28207e-4, 12: 1e-2}

@@ -89,6 +89,19 @@ def test_the_bearing_sees_every_mode():
     assert decay_limit(p, np.zeros((1, 1))) == inf
 
 
+@pytest.mark.parametrize(("fast", "hidden"), [(-1e9, -0.5004), (-1e6, -0.5000005), (-1e12, -0.9)])
+def test_rounding_of_a_fast_mode_does_not_put_a_hidden_one_in_the_way(fast, hidden):
+    """Only what is surely slower than asked for is in the way, where rounding moves a mode by more than that."""
+    p = in_floats(plant(np.diag([fast, hidden, -1.0]), np.zeros((3, 1)), np.array([[1.0, 0.0, 1.0]]), [[0]]))
+    assert undetectable(p, NO_NONLINEARITY, Edge(0.5)) == ()
+    assert len(undetectable(p, NO_NONLINEARITY, Edge(abs(fast)))) == 1
+
+
+def test_a_slow_hidden_mode_of_a_stiff_plant_is_in_the_way():
+    p = in_floats(plant(np.diag([-1e9, -0.4, -1.0]), np.zeros((3, 1)), np.array([[1.0, 0.0, 1.0]]), [[0]]))
+    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, Edge(0.5))] == pytest.approx([-0.4], rel=1e-3)
+
+
 def test_a_stable_hidden_mode_limits_the_decay_to_its_own():
     A, C = np.diag([-0.3, -2.0, 1.0]), np.array([[0.0, 0.0, 1.0]])
     p = in_floats(plant(A, np.zeros((3, 1)), C, [[0]]))

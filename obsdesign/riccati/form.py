@@ -79,15 +79,16 @@ class Form:
         return Form(self.A * s / s[:, None], B / s[:, None], self.C * s, self.D * units, Qc, Qm, Qs), s
 
     def units(self) -> Float:
-        """Powers of two (m,) in which to measure u: 1 but for an f that its multiplier bounds by the error."""
-        n = self.n
-        units = np.ones(self.B.shape[1])
+        """Powers of two (m,) in which to measure u: 1 of v; f has the size of what bounds it, or moves e by about 1."""
+        n, f = self.n, np.diag(self.Qm)[self.n :] == 0
+        moves = np.linalg.norm(self.B, axis=0)
+        sizes = np.where(f & (moves > 0), 1 / np.where(moves > 0, moves, 1.0), 1.0)
         for Q in self.Qs:
             own = -np.diag(Q)[n:]
             bounded = own > 0
             size = size_of(Q[:n, :n], Q[:n, n:][:, bounded], Q[n:, n:][np.ix_(bounded, bounded)])
-            units[bounded] = np.exp2(np.rint(np.log2(size / own[bounded]) / 2))
-        return units
+            sizes[bounded] = np.sqrt(size / own[bounded])
+        return np.asarray(np.exp2(np.rint(np.log2(sizes))))
 
     def injected(self, L: Float) -> "Form":
         """Same with the gain L given: without outputs."""

@@ -75,8 +75,8 @@ def reduced(form: Form, nf: int) -> Passive | None:
     T = [-Q[:n, n:][:, silent] for Q in form.Qs]
     if not all(positive(Bf, part) for part in T) or not sum(np.abs(part).sum(axis=0) for part in T).all():
         return None
-    whole = sum(T)
-    _, _, Vt = np.linalg.svd(whole.T)
+    whole = np.sum(T, axis=0)
+    _, _, Vt = np.linalg.svd((whole / np.linalg.norm(whole, axis=0)).T)
     U = Vt[Bf.shape[1] :].T
     basis = np.hstack([U, Bf / np.linalg.norm(Bf, axis=0)])
     if np.linalg.cond(basis) > 1 / CERTAIN:
