@@ -69,7 +69,7 @@ class Form:
     def balanced(self) -> tuple["Form", Float]:
         """Same in the states e / s, s powers of two (n,) that bring the entries near each other, and s.
 
-        What f is measured in does not matter either: the bound that its multiplier sets is about 1.
+        What f is measured in does not matter either.
         """
         n, units = self.n, self.units()
         B = self.B * units
@@ -79,15 +79,22 @@ class Form:
         return Form(self.A * s / s[:, None], B / s[:, None], self.C * s, self.D * units, Qc, Qm, Qs), s
 
     def units(self) -> Float:
-        """Powers of two (m,) in which to measure u: 1 of v; f has the size of what bounds it, or moves e by about 1."""
-        n, f = self.n, np.diag(self.Qm)[self.n :] == 0
-        moves = np.linalg.norm(self.B, axis=0)
-        sizes = np.where(f & (moves > 0), 1 / np.where(moves > 0, moves, 1.0), 1.0)
+        """Powers of two (m,) in which to measure u: 1 of v; f has the size of what bounds it.
+
+        One that nothing bounds moves e by about 1, in states in which the other entries are near each other.
+        """
+        n = self.n
+        sizes, free = np.ones(self.B.shape[1]), np.diag(self.Qm)[self.n :] == 0
         for Q in self.Qs:
             own = -np.diag(Q)[n:]
             bounded = own > 0
             size = size_of(Q[:n, :n], Q[:n, n:][:, bounded], Q[n:, n:][np.ix_(bounded, bounded)])
-            sizes[bounded] = np.sqrt(size / own[bounded])
+            sizes[bounded], free = np.sqrt(size / own[bounded]), free & ~bounded
+        if free.any():
+            B = self.B[:, ~free] * sizes[~free]
+            s = scales(self.A, B @ B.T, self.Qc[:n, :n] + self.C.T @ self.C)
+            moves = np.linalg.norm(self.B[:, free] / s[:, None], axis=0)
+            sizes[free] = 1 / np.where(moves > 0, moves, 1.0)
         return np.asarray(np.exp2(np.rint(np.log2(sizes))))
 
     def injected(self, L: Float) -> "Form":
