@@ -390,3 +390,12 @@ def test_without_d_the_ranks_of_lemma_4_are_those_of_exact_arithmetic(seed):
     for real, imag in zeros.numbers["zeros"]:
         pencil = System(*(M.astype(float) for M in (A, B, C)), np.zeros((ny, nw))).pencil(complex(real, imag))
         assert np.linalg.svd(pencil, compute_uv=False).min() < 1e-6
+
+
+def test_a_check_of_a_stiff_plant_says_nothing_that_rounding_leaves_open():
+    """Every mode is seen; beside the fast one doubles find one at zero that is not."""
+    A = np.diag([-(10.0**k) for k in (13, -2, -1, 0, 1, 2, 3, 4)])
+    spec = od.Spec(
+        system={"A": A, "C": [[1] * 8], "B": [[1, 0]] * 8, "D": [[0, 0.1]]}, observer={"type": "l2", "alpha": 0.005}
+    )
+    assert all(finding.holds for finding in od.check(spec) if finding.decides)

@@ -55,6 +55,7 @@ def finding(
 def detectability(plant: Plant[Float], K: Array, edge: Edge, pace: Pace) -> list[Finding]:
     """Modes that no output shows, and the decay that they leave."""
     limit, key = decay_limit(plant, K, sampled=pace.sampled), pace.key
+    modes = undetectable(plant, K, edge)
     found = [
         finding(
             "detectability",
@@ -64,7 +65,7 @@ def detectability(plant: Plant[Float], K: Array, edge: Edge, pace: Pace) -> list
             eigenvalue=complex_pair(mode.eigenvalue),
             id="OBS601",
         )
-        for mode in undetectable(plant, K, edge)
+        for mode in modes
     ] or [
         finding(
             "detectability",
@@ -74,7 +75,7 @@ def detectability(plant: Plant[Float], K: Array, edge: Edge, pace: Pace) -> list
             id="OBS601",
         )
     ]
-    if isfinite(limit):
+    if isfinite(limit) and (modes or limit >= edge.rate):  # else rounding of a stiff plant leaves it open
         hidden = "grows" if limit < 0 else "does not decay"
         none = f"no {pace.some} can be had: a mode that no output shows {hidden}{frozen_at(K)}"
         least = " at least" if pace.sampled else ""

@@ -8,8 +8,8 @@ line between its ends. `bounds: auto` goes from the smallest gain that is of use
     up to   the first whose gamma is at most 1.1 times the limit over all gains, or 1000 times the first bound.
 
 Where no point is 5 % below the line there is no knee: the first point is shipped whose gamma is as near to the limit,
-and without one the middle of the curve. Each point is a design like that of this bound alone. The numbers of a search
-prove nothing; the design that is shipped is proved like any other.
+and without one the middle of the curve. Each point is a design like that of this bound alone, or the best of a smaller
+bound where that is better. The numbers of a search prove nothing; the design that is shipped is proved like any other.
 """
 
 import math
