@@ -24,12 +24,14 @@ from obsdesign.lmi.probe import Program, matrices, probe
 from obsdesign.lmi.proof import with_digits
 from obsdesign.lmi.reduce import Reduced, balance, balanced, balancing, reduce
 from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation, with_margin
-from obsdesign.lmi.solvers import Ending, call
+from obsdesign.lmi.solvers import ACCURACY, Ending, call
 from obsdesign.lmi.spectrum import extremes, lower
 from obsdesign.model.multiplier import Multiplier
 
 ONE = np.ones((1, 1))
 VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns
+ROUGH = 1e-6  # accuracy of a solve for a proof that is not near its edge, or for a slope: log mu to about 4e-4
+BEYOND = 10.0  # unit of mu in it, relative to that of gains nearby
 MAGNIFIED = 100.0  # constant terms, at least, of a second solve: a solver loses them beside large unknowns
 FEASIBLE = 1e-7  # normalised margin above which there is a solution
 DOUBTFUL = 1e-8, 1e-5  # margins about that, of a quick solve, that are solved for more accurately
@@ -89,15 +91,17 @@ class Analysis:
         units = error_units(exact.doubles.system, float(T2), weighed=goal.weighed)
         return exact, units, units.theorem(exact.doubles)
 
-    def slope(self, T2: fmpq, decay: fmpq) -> Slope:
+    def slope(self, T2: fmpq, decay: fmpq, near: float | None = None) -> Slope:
         """Least mu of gamma, and its derivatives with respect to F and J, from the dual matrices of (F) and (J).
+
+        `near`: a mu that it is near to, in which it is measured, so that a solve of a low accuracy does.
 
         If Z_k are those of (F)_k at the optimum and P_k the control values there, d mu / dF = 2 sum_k P_k Z_k, each Z_k
         without the rows of w and f; likewise 2 sum P(tau) J Z over the pairs of (J).
         """
         _, units, theorem = self.asked(GOALS["gamma"], T2, decay)
         problem = least_problem(GOALS["gamma"], theorem, units)
-        found, duals = self.with_duals(problem)
+        found, duals = self.with_duals(problem, near and near / units.number("mu"))
         if found.values is None:
             return Slope()
         P, J, m = theorem.P(found.values), theorem.system.J, theorem.system.order
@@ -111,15 +115,17 @@ class Analysis:
         mu, inner = units.number("mu"), units.x / units.x[:, None]
         return Slope(mu * found.objective, mu * units.time * inner * flow, mu * inner * jump)
 
-    def with_duals(self, problem: Problem) -> tuple[Found, dict[str, Array]]:
-        """One solve, with the dual matrix of every inequality, by its name."""
+    def with_duals(self, problem: Problem, near: float | None) -> tuple[Found, dict[str, Array]]:
+        """One solve, with the dual matrix of every inequality, by its name; `near`: about the least number."""
         program = probe(problem)
         plain = Scales(tuple(np.ones(b.order) for b in program.blocks), np.ones(len(program.cost)))
         reduced = reduce(problem, program, plain)
         if reduced.contradiction:
             return Found(), {}
         rows, factors = balancing(reduced.program)
-        search = Search(call(self.engine.solver, quick=True))
+        if near:
+            factors = np.where(reduced.program.cost != 0, BEYOND * near, factors)
+        search = Search(call(self.engine.solver, quick=True, accuracy=ROUGH if near else ACCURACY))
         found = self.solved(problem, reduced, search, (rows, factors))
         if found.values is None:
             return found, {}
@@ -143,7 +149,7 @@ class Analysis:
         fixed = {"weight": 0 * ONE, "mu": 0 * ONE, "floor": 0 * ONE}
         problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**v, **fixed}))
         reduced = reduce(problem)
-        t = self.widest(reduced, quick=True)[1] if quick else -math.inf
+        t = self.widest(reduced, ACCURACY)[1] if quick else -math.inf
         return t if t > DOUBTFUL[1] or -math.inf < t < DOUBTFUL[0] else self.widest(reduced)[1]
 
     def solved(
@@ -192,10 +198,11 @@ class Analysis:
         search.duals = duals
         return ending, y
 
-    def widest(self, reduced: Reduced, *, quick: bool = False) -> tuple[Array, float]:
-        """Point of the largest normalised margin, and the margin, by one solve."""
+    def widest(self, reduced: Reduced, quick: float = 0.0) -> tuple[Array, float]:
+        """Point of the largest normalised margin, and the margin, by one solve; `quick`: accuracy of a quick one."""
         scaled, T = balance(homogeneous(reduced.program))
-        ending, y = self.solve(with_margin(scaled), Search(call(self.engine.solver, quick=quick)))
+        solver = call(self.engine.solver, quick=quick > 0, accuracy=quick)
+        ending, y = self.solve(with_margin(scaled), Search(solver))
         *z, size = unscaled(T, y[:-1])
         t = float(y[-1])
         broken = ending is Ending.FAILED or not np.isfinite([*z, size, t]).all() or size <= 0
@@ -246,8 +253,8 @@ class Analysis:
         fixed = in_units({**goal.fixed(ONE), **in_matrices(numbers, units)}, units.unity)
         reduced = reduce(Problem(theorem.unknowns, lambda v: theorem.inequalities({**fixed, **v})))
         witness = None
-        for rough in (True, False) if quick else (False,):
-            point, t = self.widest(reduced, quick=rough)
+        for accuracy in (ROUGH, 0.0) if quick else (0.0,):
+            point, t = self.widest(reduced, accuracy)
             for P, M in written(exact, units, matrices(theorem.unknowns, point)) if t > 0 else ():
                 size = {"r": largest(P)} if "r" in goal.also else {}
                 witness = Witness(goal, replace(exact, tied=None), {**numbers, **size}, P, M)
