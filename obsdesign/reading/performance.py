@@ -128,6 +128,8 @@ def read_names(
             reader.wrong(place, unknown("state", name, estimated, {}), at_key=bool(keys), id="OBS203")
         elif table[name] is None:
             reader.wrong(place, f"{name} {direct_said}", at_key=bool(keys), id="OBS214")
+        elif name in chosen[:i]:
+            reader.wrong(place, f"{name} is named already; name it once, with a weight if it counts more", id="OBS206")
     if not chosen:
         reader.wrong(loc, "there is nothing to estimate; name at least one state", id="OBS214")
     H = [row for row in map(table.get, chosen) if row is not None]

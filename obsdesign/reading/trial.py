@@ -60,12 +60,15 @@ def read_simulation(
         refuse_sampling(reader, section)
     if known_family and family not in in_coordinates().values():
         refuse_coordinates(reader, section)
+    x0 = read_state(reader, section.x0, (*loc, "x0"), layout.states, xm, names)
+    if section.w is not None and layout.states.size:
+        refuse_model(reader, x0[layout.states.size :])
     constants = section.theta0 if isinstance(section.theta0, dict) else {}
     theta0 = None if isinstance(section.theta0, dict) else section.theta0
     correction = reader.entries(theta0, (*loc, "theta0"))
     return Simulation(
         horizon=float(horizon),
-        x0=read_state(reader, section.x0, (*loc, "x0"), layout.states, xm, names),
+        x0=x0,
         xhat0=np.concatenate([xhat0, np.zeros(max(size - len(xhat0), 0))]),
         w=w,
         v=acting.v(section.v) if w is None else None,
@@ -127,6 +130,14 @@ def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
         if getattr(section, key) is not None and not isinstance(getattr(section, key), dict):
             owners = " or ".join(name for name, family in FAMILIES.items() if family.sampled)
             reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True, id="OBS213")
+
+
+def refuse_model(reader: Reader, start: Vector) -> None:
+    """Refuse a state of the disturbance model, which does not run where w is given, other than zero."""
+    loc: Loc = ("simulation", "x0")
+    if start.any() and reader.clean(loc):
+        said = f"the disturbance model begins at {start.tolist()}, and does not run where w is given; give one of both"
+        reader.wrong(loc, said, id="OBS206")
 
 
 def in_coordinates() -> dict[str, Family]:
