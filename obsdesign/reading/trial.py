@@ -46,10 +46,6 @@ def read_simulation(
     known_family = family is not None and reader.clean(("observer",))  # a wrong observer may be one of any family
     sampled = not known_family or (family is not None and family.sampled)
     horizon = read_horizon(reader, section.horizon, period)
-    if section.w is not None and section.v is not None:
-        reader.wrong(
-            (*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model", id="OBS206"
-        )
     xm = exogenous.xm
     names = (layout.names.states if layout.names else ()), exogenous.states
     xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm, names)
@@ -61,8 +57,8 @@ def read_simulation(
     if known_family and family not in in_coordinates().values():
         refuse_coordinates(reader, section)
     x0 = read_state(reader, section.x0, (*loc, "x0"), layout.states, xm, names)
-    if section.w is not None and layout.states.size:
-        refuse_model(reader, x0[layout.states.size :])
+    if section.w is not None:
+        refuse_model(reader, section, x0[layout.states.size :] if layout.states.size else None)
     constants = section.theta0 if isinstance(section.theta0, dict) else {}
     theta0 = None if isinstance(section.theta0, dict) else section.theta0
     correction = reader.entries(theta0, (*loc, "theta0"))
@@ -132,12 +128,15 @@ def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
             reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True, id="OBS213")
 
 
-def refuse_model(reader: Reader, start: Vector) -> None:
-    """Refuse a state of the disturbance model, which does not run where w is given, other than zero."""
-    loc: Loc = ("simulation", "x0")
-    if start.any() and reader.clean(loc):
+def refuse_model(reader: Reader, section: schema.Simulation, start: Vector | None) -> None:
+    """Refuse what drives the disturbance model, or where it begins but at zero: it does not run where w is given."""
+    loc: Loc = ("simulation",)
+    if section.v is not None:
+        said = "w is given already; give w or v, the signal that drives the disturbance model"
+        reader.wrong((*loc, "v"), said, id="OBS206")
+    if start is not None and start.any() and reader.clean((*loc, "x0")):
         said = f"the disturbance model begins at {start.tolist()}, and does not run where w is given; give one of both"
-        reader.wrong(loc, said, id="OBS206")
+        reader.wrong((*loc, "x0"), said, id="OBS206")
 
 
 def in_coordinates() -> dict[str, Family]:
