@@ -30,8 +30,7 @@ from obsdesign.model.multiplier import Multiplier
 
 ONE = np.ones((1, 1))
 VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns
-ROUGH = 1e-6  # accuracy of a solve for a proof that is not near its edge, or for a slope: log mu to about 4e-4
-BEYOND = 10.0  # unit of mu in it, relative to that of gains nearby
+ROUGH = 1e-6  # accuracy of a solve for a proof that is not near its edge
 MAGNIFIED = 100.0  # constant terms, at least, of a second solve: a solver loses them beside large unknowns
 FEASIBLE = 1e-7  # normalised margin above which there is a solution
 DOUBTFUL = 1e-8, 1e-5  # margins about that, of a quick solve, that are solved for more accurately
@@ -91,17 +90,15 @@ class Analysis:
         units = error_units(exact.doubles.system, float(T2), weighed=goal.weighed)
         return exact, units, units.theorem(exact.doubles)
 
-    def slope(self, T2: fmpq, decay: fmpq, near: float | None = None) -> Slope:
+    def slope(self, T2: fmpq, decay: fmpq) -> Slope:
         """Least mu of gamma, and its derivatives with respect to F and J, from the dual matrices of (F) and (J).
-
-        `near`: a mu that it is near to, in which it is measured, so that a solve of a low accuracy does.
 
         If Z_k are those of (F)_k at the optimum and P_k the control values there, d mu / dF = 2 sum_k P_k Z_k, each Z_k
         without the rows of w and f; likewise 2 sum P(tau) J Z over the pairs of (J).
         """
         _, units, theorem = self.asked(GOALS["gamma"], T2, decay)
         problem = least_problem(GOALS["gamma"], theorem, units)
-        found, duals = self.with_duals(problem, near and near / units.number("mu"))
+        found, duals = self.with_duals(problem)
         if found.values is None:
             return Slope()
         P, J, m = theorem.P(found.values), theorem.system.J, theorem.system.order
@@ -115,17 +112,15 @@ class Analysis:
         mu, inner = units.number("mu"), units.x / units.x[:, None]
         return Slope(mu * found.objective, mu * units.time * inner * flow, mu * inner * jump)
 
-    def with_duals(self, problem: Problem, near: float | None) -> tuple[Found, dict[str, Array]]:
-        """One solve, with the dual matrix of every inequality, by its name; `near`: about the least number."""
+    def with_duals(self, problem: Problem) -> tuple[Found, dict[str, Array]]:
+        """One solve, with the dual matrix of every inequality, by its name."""
         program = probe(problem)
         plain = Scales(tuple(np.ones(b.order) for b in program.blocks), np.ones(len(program.cost)))
         reduced = reduce(problem, program, plain)
         if reduced.contradiction:
             return Found(), {}
         rows, factors = balancing(reduced.program)
-        if near:
-            factors = np.where(reduced.program.cost != 0, BEYOND * near, factors)
-        search = Search(call(self.engine.solver, quick=True, accuracy=ROUGH if near else ACCURACY))
+        search = Search(call(self.engine.solver, quick=True))
         found = self.solved(problem, reduced, search, (rows, factors))
         if found.values is None:
             return found, {}

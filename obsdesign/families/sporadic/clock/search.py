@@ -282,22 +282,19 @@ class Curve:
         """Local minimum of gamma within a bound on the gain, from gains within it on; None where they have no gamma."""
         if not start.gamma or self.gap:
             return self.measured(start.gains, T2, decay)
-        begin, near = self.injection.vector(start.gains), (start.gamma / self.units.gamma) ** 2
-        x, value, B = descend(partial(self.value, kappa, T2, decay, near), begin, min(steps, self.steps), start.B)
+        begin = self.injection.vector(start.gains)
+        x, value, B = descend(partial(self.value, kappa, T2, decay), begin, min(steps, self.steps), start.B)
         if not math.isfinite(value):
             return None
         gains = self.injection.gains(x)
         wall, _ = walled(self.injection.bounded(x), kappa)
         return Found(gains, self.units.gamma * math.exp((value - BARRIER * wall) / 2), B)
 
-    def value(self, kappa: float, T2: fmpq, decay: fmpq, near: float, x: Float) -> tuple[float, Float]:
-        """Logarithm of mu with a barrier at the bound on the gain, and its gradient; infinite where there is no mu.
-
-        `near`: a mu that it is near to.
-        """
+    def value(self, kappa: float, T2: fmpq, decay: fmpq, x: Float) -> tuple[float, Float]:
+        """Logarithm of mu with a barrier at the bound on the gain, and its gradient; infinite where there is no mu."""
         gains = self.injection.gains(x)
         wall, rise = walled(self.injection.bounded(x), kappa)
-        slope = self.analysis(gains, self.coarse).slope(T2, decay, near) if math.isfinite(wall) else None
+        slope = self.analysis(gains, self.coarse).slope(T2, decay) if math.isfinite(wall) else None
         if slope is None or not 0 < slope.mu < math.inf:
             return math.inf, 0 * x
         gradient = self.injection.gradient(slope) / slope.mu
