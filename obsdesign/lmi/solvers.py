@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from functools import cache, partial
+from functools import cache
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -46,8 +46,6 @@ CLARABEL = {
 }  # any other: it stalled
 
 
-ACCURACY = 1e-8  # of the gap and the residuals of a solve
-LARGE = 120  # unknowns from which on a supernodal factorisation is the faster one, by 10 to 25 % of a solve
 PRECISE = 1e-10  # relative gap of a program of a few unknowns
 
 
@@ -111,9 +109,9 @@ def from_triangles(point: Array, orders: tuple[int, ...]) -> list[Array]:
     return [part.reshape(order, order) for part, order in parts]
 
 
-def quickly(program: Program, accuracy: float = ACCURACY) -> Solved:
+def quickly(program: Program) -> Solved:
     """Clarabel without refinement of its linear systems, at two thirds of the time; it would hardly solve more."""
-    return clarabel_once(program, chordal=False, refined=False, accuracy=accuracy)
+    return clarabel_once(program, chordal=False, refined=False)
 
 
 def with_clarabel(program: Program) -> Solved:
@@ -126,8 +124,8 @@ def with_clarabel(program: Program) -> Solved:
 
 
 @cache
-def settings_of(*, chordal: bool, refined: bool, accuracy: float, method: str) -> Any:
-    """Settings of Clarabel; `accuracy`: of its gap and residuals, `method`: of its linear systems."""
+def settings_of(*, chordal: bool, refined: bool) -> Any:
+    """Settings of Clarabel."""
     import clarabel
 
     settings = clarabel.DefaultSettings()
@@ -136,13 +134,11 @@ def settings_of(*, chordal: bool, refined: bool, accuracy: float, method: str) -
     settings.presolve_enable = False
     settings.chordal_decomposition_enable = chordal
     settings.iterative_refinement_enable = refined
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = accuracy
-    settings.direct_solve_method = method
     settings.max_iter = 100
     return settings
 
 
-def clarabel_once(program: Program, *, chordal: bool, refined: bool = True, accuracy: float = ACCURACY) -> Solved:
+def clarabel_once(program: Program, *, chordal: bool, refined: bool = True) -> Solved:
     """One call."""
     import scipy.linalg  # noqa: F401  # which clarabel does else within Rust, where an interrupt would be a panic
     import clarabel  # isort: skip
@@ -154,8 +150,7 @@ def clarabel_once(program: Program, *, chordal: bool, refined: bool = True, accu
     cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
     cones += [clarabel.PSDTriangleConeT(k) for k in orders[scalars:]]
     terms = in_triangles(blocks)
-    method = "auto" if refined or len(program.cost) < LARGE else "faer"
-    settings = settings_of(chordal=chordal, refined=refined, accuracy=accuracy, method=method)
+    settings = settings_of(chordal=chordal, refined=refined)
     P = no_columns(len(program.cost))
     solution = clarabel.DefaultSolver(P, program.cost, columns(terms[1:]), -terms[0], cones, settings).solve()
     duals = dict(zip(order, from_triangles(np.array(solution.z), orders), strict=True))
@@ -243,8 +238,8 @@ def through_cvxpy(name: str) -> Solver:
     return solve
 
 
-def call(name: str, *, quick: bool = False, accuracy: float = ACCURACY) -> Solver:
-    """Solver of a name; a quick one, of some accuracy, is for searches, of which nothing is shipped as it is."""
+def call(name: str, *, quick: bool = False) -> Solver:
+    """Solver of a name; a quick one is for searches, of which nothing is shipped as it is."""
     if name.lower() == "clarabel":
-        return partial(quickly, accuracy=accuracy) if quick else with_clarabel
+        return quickly if quick else with_clarabel
     return through_cvxpy(name)

@@ -24,13 +24,12 @@ from obsdesign.lmi.probe import Program, matrices, probe
 from obsdesign.lmi.proof import with_digits
 from obsdesign.lmi.reduce import Reduced, balance, balanced, balancing, reduce
 from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation, with_margin
-from obsdesign.lmi.solvers import ACCURACY, Ending, call
+from obsdesign.lmi.solvers import Ending, call
 from obsdesign.lmi.spectrum import extremes, lower
 from obsdesign.model.multiplier import Multiplier
 
 ONE = np.ones((1, 1))
 VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns
-ROUGH = 1e-6  # accuracy of a solve for a proof that is not near its edge
 MAGNIFIED = 100.0  # constant terms, at least, of a second solve: a solver loses them beside large unknowns
 FEASIBLE = 1e-7  # normalised margin above which there is a solution
 DOUBTFUL = 1e-8, 1e-5  # margins about that, of a quick solve, that are solved for more accurately
@@ -144,7 +143,7 @@ class Analysis:
         fixed = {"weight": 0 * ONE, "mu": 0 * ONE, "floor": 0 * ONE}
         problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**v, **fixed}))
         reduced = reduce(problem)
-        t = self.widest(reduced, ACCURACY)[1] if quick else -math.inf
+        t = self.widest(reduced, quick=True)[1] if quick else -math.inf
         return t if t > DOUBTFUL[1] or -math.inf < t < DOUBTFUL[0] else self.widest(reduced)[1]
 
     def solved(
@@ -193,11 +192,10 @@ class Analysis:
         search.duals = duals
         return ending, y
 
-    def widest(self, reduced: Reduced, quick: float = 0.0) -> tuple[Array, float]:
-        """Point of the largest normalised margin, and the margin, by one solve; `quick`: accuracy of a quick one."""
+    def widest(self, reduced: Reduced, *, quick: bool = False) -> tuple[Array, float]:
+        """Point of the largest normalised margin, and the margin, by one solve."""
         scaled, T = balance(homogeneous(reduced.program))
-        solver = call(self.engine.solver, quick=quick > 0, accuracy=quick)
-        ending, y = self.solve(with_margin(scaled), Search(solver))
+        ending, y = self.solve(with_margin(scaled), Search(call(self.engine.solver, quick=quick)))
         *z, size = unscaled(T, y[:-1])
         t = float(y[-1])
         broken = ending is Ending.FAILED or not np.isfinite([*z, size, t]).all() or size <= 0
@@ -248,8 +246,8 @@ class Analysis:
         fixed = in_units({**goal.fixed(ONE), **in_matrices(numbers, units)}, units.unity)
         reduced = reduce(Problem(theorem.unknowns, lambda v: theorem.inequalities({**fixed, **v})))
         witness = None
-        for accuracy in (ROUGH, 0.0) if quick else (0.0,):
-            point, t = self.widest(reduced, accuracy)
+        for rough in (True, False) if quick else (False,):
+            point, t = self.widest(reduced, quick=rough)
             for P, M in written(exact, units, matrices(theorem.unknowns, point)) if t > 0 else ():
                 size = {"r": largest(P)} if "r" in goal.also else {}
                 witness = Witness(goal, replace(exact, tied=None), {**numbers, **size}, P, M)
