@@ -17,7 +17,7 @@ from obsdesign.families.sporadic.clock.truth import periodic_gamma
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.lmi.formula import Array, above, in_floats, printed
 
-MOST = 20  # steps of the descent of a first point: with 12 gamma ended up to 10 % higher
+MOST = 20  # steps of the descent of a first point: shipped curves end 0.9 % lower to 2.1 % higher than with 80
 Point = tuple[dict[str, Any], Curve, Found | None]
 
 
