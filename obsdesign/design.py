@@ -8,7 +8,6 @@ import html
 import os
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
 from types import MappingProxyType
@@ -30,6 +29,7 @@ from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, release, to_json
 from obsdesign.lmi.formula import in_floats
 from obsdesign.reading import loads
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.changes import opened
 from obsdesign.spec import DOUBLES, Spec, named_by
 from obsdesign.tables.split import entry

@@ -13,10 +13,9 @@ An infeasible design is an answer, not an error: `solve` writes it with its diag
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import field, replace
 from typing import NamedTuple, overload
 
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field, replace
 
 EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit codes of answers, by their status
 

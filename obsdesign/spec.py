@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -21,6 +20,7 @@ from obsdesign.model.filtered import channels, filtered
 from obsdesign.model.plant import Cancelling, Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
+from obsdesign.records import dataclass, field, replace
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
 from obsdesign.trial import Implementation, Level, Recorded, Simulation

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy.typing as npt
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 
 Vector = npt.NDArray[np.float64]
 Hold = Literal["zero", "first"]

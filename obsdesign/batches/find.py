@@ -5,7 +5,6 @@ import os
 import re
 from codecs import getincrementaldecoder
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from hashlib import sha256
 from itertools import product
@@ -15,6 +14,7 @@ from urllib.parse import quote
 
 from obsdesign import disk
 from obsdesign.errors import Problem, UsageError
+from obsdesign.records import dataclass, field
 
 ENDINGS = (".yaml", ".yml")
 SPEC = re.compile(rb"""(?:^|[\r{,])[ \t]*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)

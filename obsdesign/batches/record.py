@@ -8,7 +8,7 @@ import json
 import os
 import platform
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +19,7 @@ from obsdesign.batches.find import MOST, SUMMARY, Task, titled
 from obsdesign.batches.form import Entry, agrees, parsed, sound
 from obsdesign.disk import content_of, remove_strays, write_all
 from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
+from obsdesign.records import dataclass, field, replace
 
 FORMAT = 1
 ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of the files of a spec

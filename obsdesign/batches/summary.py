@@ -6,7 +6,6 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import IO, Any
@@ -16,6 +15,7 @@ from obsdesign.batches.form import CODES, STATUSES, Entry, is_number, parsed, so
 from obsdesign.batches.record import FORMAT
 from obsdesign.disk import STAGED, content_of, umask
 from obsdesign.errors import EXIT, Problem, UsageError
+from obsdesign.records import dataclass
 
 WORST = (1, 2, 4, 3)  # exit codes, the worst first
 LARGEST = 2**30  # bytes that are read

@@ -1,7 +1,6 @@
 """The theorem of a claim, written, and, where it is compiled, what the kernel says of it and the record of that."""
 
 import os
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,6 +12,7 @@ from obsdesign.disk import LARGEST, content_of, write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile, digest
 from obsdesign.files.amended import amended
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

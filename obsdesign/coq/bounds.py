@@ -1,7 +1,5 @@
 """Bounds on the gain L1 and on P that a design keeps, as theorems of Coq."""
 
-from dataclasses import dataclass
-
 from flint import fmpq
 
 from obsdesign.coq.congruence import congruence, triangle
@@ -9,6 +7,7 @@ from obsdesign.coq.decimals import number
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import Array, identity
+from obsdesign.records import dataclass
 
 
 def bounded(certificate: Certificate, bounds: Bounds, design: str) -> list[str]:

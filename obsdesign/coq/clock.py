@@ -14,7 +14,6 @@ Here they are computed to find the T that shows it.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -24,6 +23,7 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array, combined, he, identity, zeros
 from obsdesign.model.multiplier import Matrix, Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """How a theorem speaks of plant and observer over time: what runs they are of, and what is stated of them, in Coq."""
 
-from dataclasses import dataclass, replace
+from obsdesign.records import dataclass, replace
 
 NAME = "designed"  # the design in the file
 MODEL = "model"  # the model of the disturbance

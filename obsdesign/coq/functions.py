@@ -1,11 +1,11 @@
 """Functions of one variable whose difference quotients are known to the library in Coq, and sums of their values."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from flint import fmpq
 
 from obsdesign.coq.decimals import number
+from obsdesign.records import dataclass
 
 ONE, ZERO = fmpq(1), fmpq(0)
 Limits = tuple[fmpq, fmpq]

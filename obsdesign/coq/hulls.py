@@ -8,8 +8,6 @@ and of a cone where M22 = 0, M11 >= 0 and M12 Th + Th' M12' >= 0 for each direct
 coordinates of the whole q and f, and a T for each of these matrices.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from obsdesign.coq.congruence import congruence, triangle
@@ -18,6 +16,7 @@ from obsdesign.lmi.formula import Array, he, zeros
 from obsdesign.model.multiplier import Matrix
 from obsdesign.nonlinearities.cone import Cone
 from obsdesign.nonlinearities.jacobian import Polytope
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

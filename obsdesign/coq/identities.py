@@ -4,7 +4,6 @@ A run is a plant and its observer up to a time T, in their equations. Each error
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from obsdesign.coq.theorem import UnexportedError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.needs import Need
 from obsdesign.lmi.formula import Array, identity
+from obsdesign.records import dataclass, field
 
 Named = Mapping[str, Expression]
 

@@ -5,7 +5,6 @@ control values that prove the claim at its own rate need not do so at this one; 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq
@@ -18,6 +17,7 @@ from obsdesign.coq.membership import Ending, Words, ending
 from obsdesign.coq.theorem import UnexportedError
 from obsdesign.lmi.formula import Array, Values, rational
 from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 
 HALVINGS = 2  # of the segments, at most, until the inequalities hold at the rate of the file

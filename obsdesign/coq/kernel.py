@@ -14,12 +14,12 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from obsdesign.coq.library import PROJECT, QUIET, library
 from obsdesign.errors import Problem, UndecidedError, UsageError
+from obsdesign.records import dataclass
 
 AXIOMS = {  # of the real numbers of Coq's library
     "ClassicalDedekindReals.sig_not_dec",

@@ -4,7 +4,6 @@ Of each error e Coq derives e' along the run, and shows by `field` that it is ra
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 from flint import fmpq
@@ -14,6 +13,7 @@ from obsdesign.coq.signals import ATOM, along, bounds, derivable, literal, opera
 from obsdesign.coq.theorem import UnexportedError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, identity, rational_number
+from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least
 
 TIME = "forall t, 0 <= t <= T ->"

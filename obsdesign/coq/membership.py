@@ -7,7 +7,6 @@ only: there df = K dq, and the inequality is a form in dq, shown to be positive 
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 from flint import fmpq
@@ -19,6 +18,7 @@ from obsdesign.coq.regions import UnprovedError, rational_function, signed
 from obsdesign.coq.ridges import Affine, Box, Ridge, UnknownFunctionError, ridges
 from obsdesign.lmi.formula import Array, rational
 from obsdesign.model.multiplier import Multiplier, roots
+from obsdesign.records import dataclass
 from obsdesign.spec import Nonlinearity, arguments
 
 Rays = Sequence[tuple[fmpq, Array, Array, Array]]  # scale, M11, M12, M22 of each inequality of the class

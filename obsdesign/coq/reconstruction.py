@@ -7,8 +7,6 @@ With what = Bi L1 (yhat - y), Bi B = I, it is what - w = Bi e' - Bi A e, so that
 one for Bi A e, driven by w, and one for Bi e', driven by w'.
 """
 
-from dataclasses import dataclass
-
 from flint import fmpq
 
 from obsdesign.coq.congruence import congruence, triangle
@@ -16,6 +14,7 @@ from obsdesign.coq.decimals import matrix, number
 from obsdesign.coq.inequality import decrease, least
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import Array, identity
+from obsdesign.records import dataclass
 
 FILE = "ObsInput"  # of the library
 STATED = """\

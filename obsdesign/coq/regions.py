@@ -5,7 +5,6 @@ interval. In pieces of it the coefficients of p in (s - l)^k (h - s)^(n-k), thos
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from math import comb, isqrt
 
 import numpy as np
@@ -15,6 +14,7 @@ from obsdesign.coq.decimals import number
 from obsdesign.coq.functions import Function, Limits, real
 from obsdesign.expressions.expression import Expression
 from obsdesign.expressions.tree import Call, Node, Number, fold
+from obsdesign.records import dataclass, replace
 
 MAX_DEGREE = 12
 MAX_PIECES = 32

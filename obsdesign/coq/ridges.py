@@ -4,7 +4,6 @@ f(q) = sum of column_i * phi_i(row_i . q + shift_i): a ridge is one term of it. 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 from flint import fmpq
@@ -26,6 +25,7 @@ from obsdesign.coq.functions import (
 from obsdesign.coq.regions import root
 from obsdesign.expressions.expression import Expression
 from obsdesign.expressions.tree import Call, Node, Number, Variable
+from obsdesign.records import dataclass
 
 Box = Mapping[int, Limits]  # limits of components of q
 

@@ -1,7 +1,6 @@
 """Identities of an observer as a file of Coq: its run, what is stated of its errors, and the proof."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from textwrap import wrap
 
 from obsdesign.coq.decimals import comment
@@ -10,6 +9,7 @@ from obsdesign.coq.laws import TIME, Back, Falling, Stated, facts
 from obsdesign.coq.signals import Ends, UnknownTermError, bounds, literal, operand, text
 from obsdesign.coq.theorem import UnexportedError
 from obsdesign.expressions.needs import Need
+from obsdesign.records import dataclass
 
 WIDTH = 120
 IMPORTS = """\

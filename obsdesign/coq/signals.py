@@ -1,7 +1,6 @@
 """Functions of signals in Coq: their text at a time t, what they need, and what ring and linear arithmetic prove."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 from flint import fmpq
@@ -12,6 +11,7 @@ from obsdesign.expressions.algebra import Symbols
 from obsdesign.expressions.functions import operation
 from obsdesign.expressions.needs import Need, further, needs
 from obsdesign.expressions.tree import Call, Node, Number, Variable, fold, number, postorder, product, quotient
+from obsdesign.records import dataclass
 
 Ends = tuple[fmpq | None, fmpq | None]  # None: no limit
 ZERO = fmpq(0)

@@ -11,7 +11,7 @@ for every f of the class and all trajectories of plant and observer.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from typing import NamedTuple
 
 from flint import fmpq
@@ -30,6 +30,7 @@ from obsdesign.lmi.formula import Array, Exact, identity
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.filtered import apart, channels
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 
 LARGER = "Larger"  # module of the larger constants

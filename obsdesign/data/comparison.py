@@ -4,7 +4,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +19,7 @@ from obsdesign.design import Design
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, field
 from obsdesign.simulate.comparison import WINDOW, Comparison, shared, told_apart
 from obsdesign.simulate.summary import SHARES
 from obsdesign.spec import Spec

@@ -13,7 +13,6 @@ is 20 / N on average where they are.
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +20,7 @@ import numpy as np
 
 from obsdesign.data.innovations import Innovations
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 
 SAME = 1e-4  # of ln rms: what is no worse, as where Q and R are multiplied by a number and P0 is not
 BATCHES = 20  # parts of the rows that are held back

@@ -1,11 +1,11 @@
 """Values of a log that stand out: why an observer escapes, or what carries it off for a while."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from obsdesign.data.rows import Rows
+from obsdesign.records import dataclass
 
 OUTLYING = 1e3  # times the largest of all others: a value that stands out
 FEWEST = 3  # values that tell what is usual

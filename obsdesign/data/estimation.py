@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import IO, Any, Literal
@@ -23,6 +22,7 @@ from obsdesign.design import Design
 from obsdesign.disk import whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.lmi.formula import Array, Float, rational_number
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 from obsdesign.stepping.implemented import implemented
 from obsdesign.trial import Implementation

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from obsdesign.errors import UsageError
 from obsdesign.families import FAMILIES
+from obsdesign.records import dataclass
 from obsdesign.sections.changes import opened
 from obsdesign.sections.scalars import Number
 from obsdesign.sections.words import nearest

@@ -1,12 +1,12 @@
 """Statistics of innovations y - yhat: mean, size, autocorrelation, and whether they are white."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, field
 
 LAGS = 20
 ROUNDING = 1e-12  # of the largest |y|: an rms up to this is no more than what rounding leaves of y - yhat

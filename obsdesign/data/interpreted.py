@@ -4,7 +4,6 @@ import importlib.util
 import math
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -14,6 +13,7 @@ from obsdesign.data.driver import NAME, ROUNDING, Engine
 from obsdesign.data.runner import Passed, along
 from obsdesign.exports import python
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, field, replace
 from obsdesign.stepping.implemented import Implemented
 from obsdesign.stepping.open_loop import Mask, partial
 

@@ -1,11 +1,11 @@
 """Holes in the time of a log: rows that are missing, where nothing says how far apart rows are."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 
 LONG = 20  # times the mean of the intervals before
 FEWEST = 3  # intervals that tell what is usual

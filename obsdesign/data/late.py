@@ -1,7 +1,6 @@
 """Measurements that become known late: an observer of instants goes back to them, another uses them when they come."""
 
 from bisect import bisect_right
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from obsdesign.data.rows import Rows
 from obsdesign.data.runner import Passed, Runner
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, field, replace
 
 KEPT = 1000  # measurements that it can go back by
 

@@ -1,7 +1,6 @@
 """The signals of a spec in a log: which columns they are, in which units, and rows whose instants rise."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -12,6 +11,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.files.table import Header, Table, filled, not_rising
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, field, replace
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 

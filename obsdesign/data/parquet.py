@@ -1,7 +1,6 @@
 """A Parquet file as a table, read some rows at a time; pyarrow is an extra."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.files.table import Block, Header, Table
+from obsdesign.records import dataclass
 
 ROWS = 100_000  # at once
 

@@ -6,7 +6,6 @@ does between its rows.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Rates, SampledGuarantee, Steps
 from obsdesign.lmi.formula import Array, Exact, Float, approximate, identity, in_floats
 from obsdesign.model.filtered import gain_of
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Float
 from obsdesign.reading import loads
+from obsdesign.records import dataclass, field, replace
 from obsdesign.spec import Spec
 
 FINE = 0.02  # decades, to which a number is found

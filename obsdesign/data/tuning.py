@@ -17,7 +17,6 @@ filter follows from that of the innovations.
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -36,6 +35,7 @@ from obsdesign.dissipation.engine import Report
 from obsdesign.errors import Problem, UsageError, one_line
 from obsdesign.families import FAMILIES
 from obsdesign.reading import loads
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.editing import edited
 from obsdesign.sections.writing import flow, plain
 from obsdesign.spec import Spec

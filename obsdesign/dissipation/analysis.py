@@ -11,7 +11,6 @@ members are the vertices of the class and points between them; what is said to b
 """
 
 from collections.abc import Iterator
-from dataclasses import field
 from functools import cached_property
 from itertools import product
 from math import prod
@@ -26,7 +25,7 @@ from obsdesign.dissipation.steps import exact_step, explicit_steps
 from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 
 MOST = 81  # members
 ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of the opposite ones

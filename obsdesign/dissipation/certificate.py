@@ -1,7 +1,6 @@
 """What proves a guarantee, and the proof: no solver is needed, or imported, to hold a certificate against its claim."""
 
 from collections.abc import Sequence
-from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from obsdesign.lmi.formula import (
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.lmi.spectrum import lower
 from obsdesign.model import loop
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field, replace
 
 
 @dataclass(frozen=True)

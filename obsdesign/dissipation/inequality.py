@@ -15,7 +15,6 @@ and a family says what W, m and P have to be. `discrete.Discrete` reads the same
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -43,7 +42,7 @@ from obsdesign.lmi.formula import (
 from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 ONE = np.ones((1, 1))
 EQUATIONS = (

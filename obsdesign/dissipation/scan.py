@@ -8,11 +8,10 @@ methods of scipy.optimize search; where there is only yes and no these would hal
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import field
 
 import numpy as np
 
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 
 Function = Callable[[float], float]
 SHARP = 5e-3  # relative width to which a minimum is found; its value is then good to about 1e-6

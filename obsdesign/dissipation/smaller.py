@@ -1,7 +1,6 @@
 """Gains of large plants by Riccati equations: the central one, or a smaller one by descent from it, with its proof."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from itertools import chain
 
 from flint import fmpq
@@ -23,6 +22,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE, Incremental
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import margin, rounded
+from obsdesign.records import dataclass, replace
 from obsdesign.riccati.central import Central
 from obsdesign.riccati.descent import Peak, descended
 

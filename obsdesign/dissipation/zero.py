@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -17,7 +16,7 @@ from obsdesign.dissipation.shift import shifted_plant
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import Array, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 TABLE = (
     1e1,

@@ -6,7 +6,6 @@ code.py       expressions as code; one file for each target beside it
 """
 
 import os
-from dataclasses import dataclass
 from importlib import import_module
 from keyword import iskeyword
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from obsdesign.disk import write_all
 from obsdesign.errors import Problem, UsageError
+from obsdesign.records import dataclass
 
 if TYPE_CHECKING:
     from obsdesign.design import Design

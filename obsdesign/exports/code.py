@@ -1,7 +1,6 @@
 """Expressions as code: what C, Python and MATLAB have in common, and where they differ."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from flint import fmpq
@@ -10,6 +9,7 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.functions import COMPARISONS
 from obsdesign.expressions.tree import Call, Number, equals, fold
+from obsdesign.records import dataclass, field
 
 LONGEST = 60  # characters of an identifier: C tells 63 apart, and MATLAB takes no more
 CONDITION, SUM, PRODUCT, UNARY, ATOM = range(5)  # how tightly code binds

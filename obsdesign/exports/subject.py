@@ -4,7 +4,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from obsdesign.expressions.tree import Call, Number
 from obsdesign.families import FAMILIES
 from obsdesign.files import digest
 from obsdesign.lmi.formula import rational_number
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec
 from obsdesign.stepping.implemented import Implemented, implemented
 from obsdesign.stepping.method import METHODS

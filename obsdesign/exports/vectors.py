@@ -1,13 +1,12 @@
 """Vectors that an exported observer is tested with: what it is given, and what a run in the same steps estimates."""
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from obsdesign.design import Design
 from obsdesign.errors import Problem, UsageError
 from obsdesign.exports.subject import Subject
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, replace
 from obsdesign.simulate.recorded import absent
 from obsdesign.simulate.stepped import passage
 from obsdesign.stepping.machine import Machine, StuckError

@@ -8,7 +8,6 @@ it does not, nothing is said, since not every relation is known.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
 from functools import cache, partial, reduce
 from math import comb, lcm
 
@@ -18,7 +17,7 @@ from obsdesign.expressions.exact import ExpressionError
 from obsdesign.expressions.expression import Expression
 from obsdesign.expressions.functions import apply
 from obsdesign.expressions.tree import Call, Number, fold, number, product, quotient
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 
 MAX_SIZE = 4_000_000  # exponents in a polynomial: its terms times the symbols
 MOST = 4  # symbols that one function may need: of a sum of angles

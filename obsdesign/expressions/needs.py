@@ -1,13 +1,13 @@
 """What an expression needs to have a value, and further to have a derivative that says how it moves."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from typing import Literal
 
 from obsdesign.expressions.algebra import simplified
 from obsdesign.expressions.expression import Expression
 from obsdesign.expressions.functions import COMPARISONS, apply
 from obsdesign.expressions.tree import Call, Node, Number, number, product, quotient, text, total
+from obsdesign.records import dataclass, replace
 
 Sign = Literal["is not 0", ">= 0", "> 0"]
 Branch = tuple[Node, ...]  # conditions of `where` under which a part of an expression is looked at

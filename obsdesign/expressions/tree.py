@@ -5,14 +5,13 @@ are flat with at most one number. What is built this way has a text that parses 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
 from decimal import Decimal
 from typing import TypeVar
 
 from flint import fmpq
 
 from obsdesign.expressions.exact import MAX_EXPONENT, ExpressionError, bounded, rational_power
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 
 T = TypeVar("T")
 MAX_DEPTH = 500  # of derived trees; what is parsed is shallower

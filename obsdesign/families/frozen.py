@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import combinations, islice, product
 from typing import Any
 
@@ -20,7 +19,7 @@ from obsdesign.model.edge import Edge
 from obsdesign.model.frozen import MOST, Hidden, blind, hidden, proved
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Nonlinearity, Spec, arguments, numbered
 
 KIND = "member"

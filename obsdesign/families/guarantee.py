@@ -1,7 +1,7 @@
 """What every guarantee says of a run, and the bounds that come of it."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, ClassVar, Literal, NamedTuple, NotRequired, Protocol, TypedDict
 
 import numpy as np
@@ -9,7 +9,7 @@ from flint import arb, fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.lmi.spectrum import LARGE, extremes, near_largest_ratio, upper
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.tables.text import at_least, at_most
 
 ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality

@@ -1,7 +1,6 @@
 """An observer as equations: what a simulation, recorded data, exported code and a statement in words all read."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.equations import Equations, Named, free, linear, total
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field, replace
 
 
 @dataclass(frozen=True)

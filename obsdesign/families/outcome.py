@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -11,7 +10,7 @@ from obsdesign.dissipation.scaling import Factors
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.proof import Check, Proved
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field, replace
 from obsdesign.spec import Spec
 
 Diagnosis = dict[str, Any]  # condition, reason, feasible, suggestion, and data of the condition

@@ -14,7 +14,6 @@ bound where that is better. The numbers of a search prove nothing; the design th
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.noise import heard, period_of
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
 from obsdesign.lmi.formula import Array, printed
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 
 HALF = 0.5  # of the gamma of no observer: a gain that does less is of no use

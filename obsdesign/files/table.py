@@ -7,7 +7,6 @@ import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, field
 from obsdesign.sections.words import nearest
 
 BLOCK = 4 * 2**20  # bytes that are parsed at once

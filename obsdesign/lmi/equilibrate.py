@@ -6,14 +6,13 @@ but for the rounding of the factors.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Problem, Unknown
 from obsdesign.lmi.probe import Block, Program, entries, matrices, probe, with_one
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 ROUNDED = 1e-13  # relative size of an entry that the first fit shows to be a rounded zero: the second is without it
 TAME = 20.0  # powers of two within which units are left as they are where no data are known to set better ones

@@ -8,7 +8,6 @@ what the output shows.) A wrong guess does no harm, since the result is decided 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +19,7 @@ from obsdesign.lmi.probe import Block, Program
 from obsdesign.lmi.proof import Formula, with_digits
 from obsdesign.lmi.reduce import power_of_two
 from obsdesign.lmi.solvers import Solver, call
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 DIGITS = (2, 4, 8, 12)  # of the multipliers
 SWEEPS = 6  # scalings in which a center is computed

@@ -15,7 +15,6 @@ In what follows the constant part has a factor s of its own, with s > 0: then c 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, rational, zeros
 from obsdesign.lmi.probe import matrices
 from obsdesign.lmi.proof import Check, Formula, Proved, holds
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 KIND = "farkas"
 MOST = 2400  # scalar unknowns of inequalities that are read: each has a matrix of rationals

@@ -9,7 +9,7 @@ affine map), on float64 matrices (margins) and on rationals (the proof). Rationa
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpq, fmpq_mat
 
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 Array = npt.NDArray[Any]
 Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes

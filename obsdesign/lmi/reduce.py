@@ -11,7 +11,6 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import accumulate
 
 import numpy as np
@@ -20,7 +19,7 @@ from obsdesign.lmi.condense import ahead, condensed, least_slack, spaces
 from obsdesign.lmi.equilibrate import Scales, scaled_coordinates, scales
 from obsdesign.lmi.formula import Array, NextState, Problem
 from obsdesign.lmi.probe import Block, Program, entries, flat, places, probe, split, with_one
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
 ZERO = 1e-13  # relative size below which an entry is a rounded zero

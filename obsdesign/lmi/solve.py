@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Callable
-from dataclasses import field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -13,7 +12,7 @@ from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, coordinates, matrices
 from obsdesign.lmi.reduce import Reduced, balance, dense, diagonal, reduce
 from obsdesign.lmi.solvers import Ending, Solver, call
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field, replace
 
 MARGIN = 1e-8  # phase I: a largest normalised margin above this is feasible
 NOISE = 1e-9  # .. and one below this is none (solver noise is about 5e-11)

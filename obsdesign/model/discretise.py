@@ -16,8 +16,6 @@ kappa(b) = int_0^Ts |expm(A (Ts - s)) b| s ds, for f_i with the constants l_i, a
 inputs that are constant over each period.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
 
@@ -25,7 +23,7 @@ from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact, identity, in_floats, printed
 from obsdesign.lmi.spectrum import upper
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 BITS = 100  # of a ball
 PARTS = 256  # of a period, on each of which the matrix exponential is enclosed

@@ -4,7 +4,7 @@ Equations (2), (10) and (11) of Corless and Chakrabarty (2019).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from math import cos, sin
 from typing import Any
 
@@ -14,7 +14,7 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, printed, rational, zeros
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 
 @dataclass(frozen=True)

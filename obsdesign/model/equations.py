@@ -1,7 +1,6 @@
 """A plant as equations over named signals."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
 from typing import Any, Literal
 
 from flint import fmpq
@@ -10,7 +9,7 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field, replace
 
 Named = Mapping[str, Expression]
 

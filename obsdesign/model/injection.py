@@ -9,7 +9,6 @@ Then for every real s > -alpha, with d = det(sI - A), M = C (sI - A)^-1 and b = 
 and b >= 1 where d < 0. For one output det(I - M L) = 1 - M L, so that (s + alpha)^n <= |d| b + d.
 """
 
-from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
@@ -20,7 +19,7 @@ from obsdesign.model.frozen import BITS, MOST, array, closed, matrix
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import System
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 POINTS = np.geomspace(1e-3, 1e3, 60)  # s + alpha, in units of the fastest of the rates of A and alpha
 REFINED = 3  # times, about the best

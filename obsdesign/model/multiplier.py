@@ -10,7 +10,6 @@ inequalities of the cone, never a type.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import replace
 from math import isqrt
 from string import ascii_lowercase
 from typing import Any
@@ -29,7 +28,7 @@ from obsdesign.lmi.formula import (
     zeros,
 )
 from obsdesign.lmi.proof import holds
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 Matrix = tuple[Array, Array, Array]  # M11 (nq, nq), M12 (nq, nf), M22 (nf, nf)
 

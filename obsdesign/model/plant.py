@@ -1,10 +1,9 @@
 """The plant (1) of Corless and Chakrabarty (2019), which is also the shape of the augmented plant (10)."""
 
-from dataclasses import replace
 from typing import Generic, Protocol, TypeVar, cast, runtime_checkable
 
 from obsdesign.lmi.formula import Array, Exact, Float, in_floats
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 N = TypeVar("N", bound=Array)
 

@@ -1,7 +1,6 @@
 """Nonlinearities whose Jacobian stays in a cone of matrices."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from flint import fmpq
@@ -13,7 +12,7 @@ from obsdesign.nonlinearities.data import MatrixList
 from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.slope import component
 from obsdesign.nonlinearities.template import Template, require_matrices
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 
 @dataclass(frozen=True)

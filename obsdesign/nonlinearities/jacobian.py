@@ -1,7 +1,6 @@
 """Nonlinearities whose Jacobian stays in a polytope of matrices."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.slope import component
 from obsdesign.nonlinearities.template import Template, require_matrices
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.forms import Either, auto
 
 

@@ -1,6 +1,5 @@
 """The figure of a comparison: signals with every estimate, errors on one axis, and what is proved side by side."""
 
-from dataclasses import dataclass
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from obsdesign.plot.axis import DECADES, finite, plain, stairs, time_axis, with_
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_below, log_ticks
 from obsdesign.plot.panels import BESIDE, limit
 from obsdesign.plot.signals import Curve
+from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:

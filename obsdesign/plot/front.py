@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped
 from obsdesign.plot.canvas import COLORS, drawn, legend_below, new_figure
 from obsdesign.plot.traded import NAMES, short
+from obsdesign.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

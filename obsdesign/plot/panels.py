@@ -1,7 +1,6 @@
 """Panels of a figure of a run: what each draws on its axes. The truth is solid, estimates are dashed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from obsdesign.plot.canvas import (
 )
 from obsdesign.plot.hybrid import DOTS, mark_lost
 from obsdesign.plot.signals import Curve, Estimate
+from obsdesign.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

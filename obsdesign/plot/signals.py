@@ -1,7 +1,6 @@
 """What a figure of a run shows: the estimates that the spec asks for, with what is proved of each, y and the inputs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from obsdesign.families.guarantee import LAST
 from obsdesign.lmi.formula import Array, rational
 from obsdesign.plot.axis import finite, plain, with_unit
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import limited
 
 if TYPE_CHECKING:

@@ -1,7 +1,6 @@
 """The figure of a trade-off over the weight and the decay: maps and surfaces."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from obsdesign.plot.front import (
     unattained,
 )
 from obsdesign.plot.traded import NAMES, short
+from obsdesign.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

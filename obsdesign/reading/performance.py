@@ -1,7 +1,6 @@
 """The section `performance:` of a spec: z = H e, by names, with weights, or as a matrix."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 
 import numpy as np
 from flint import fmpq
@@ -11,7 +10,7 @@ from obsdesign.model.disturbance import empty, rows_of
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
 from obsdesign.reading.schema import Performance
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import Entries as MatrixEntries
 from obsdesign.sections.values import Axis, Reader

@@ -1,7 +1,6 @@
 """The signals that act in a run, `simulation: {w, v, u}`: expressions, and columns of files."""
 
 from collections.abc import Sequence
-from dataclasses import field
 from pathlib import PurePosixPath, PureWindowsPath
 
 from obsdesign.expressions import Expression
@@ -9,7 +8,7 @@ from obsdesign.model.disturbance import Generator
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
 from obsdesign.reading.trial_schema import FromFile, Signals
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 from obsdesign.sections.document import Loc
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import RECORDED, Axis, Reader

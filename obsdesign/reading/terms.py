@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -20,7 +19,7 @@ from obsdesign.reading import plant_schema as schema
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.plant import Names, Part
 from obsdesign.reading.plant_schema import AUTO
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.values import Entries, Reader
 from obsdesign.sections.words import unknown

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
@@ -10,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass, field
 
 WIDTH, HEIGHT = 460, 264
 LEFT, TOP, RIGHT, BOTTOM = 76, 12, 18, 42  # margins

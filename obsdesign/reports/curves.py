@@ -1,11 +1,11 @@
 """Points of a search as charts, as maps over two parameters, and as a table."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from obsdesign.records import dataclass
 from obsdesign.reports.chart import BOTTOM, FARTHEST, HEIGHT, LEFT, NEAREST, RIGHT, TOP, WIDTH, Axis, Chart, Curve
 from obsdesign.tables.design import QUANTITIES
 

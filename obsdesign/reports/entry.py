@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import BETTER, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
+from obsdesign.records import dataclass, field
 from obsdesign.reports import curves
 from obsdesign.reports.chart import Chart
 from obsdesign.reports.expected import in_all, rows_of, told_of

@@ -5,7 +5,6 @@ import datetime
 import hashlib
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -22,6 +21,7 @@ from obsdesign.design import Design
 from obsdesign.disk import below, write_whole
 from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile
+from obsdesign.records import dataclass
 from obsdesign.reports.entry import Entry, Missing, opened, unread
 from obsdesign.reports.expected import told_of
 from obsdesign.reports.papers import DRAWING, PAPERS, Paper, paper_of

@@ -4,7 +4,8 @@ A paper is recognised by what its citation in `source` must hold.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from obsdesign.records import dataclass
 
 DRAWING = "drawing"  # of an item in which nothing is computed
 

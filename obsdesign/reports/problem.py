@@ -1,7 +1,6 @@
 """The estimation problem of a spec as formulas: signals, equations, matrices, nonlinearities."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 
 from markupsafe import Markup
@@ -9,6 +8,7 @@ from markupsafe import Markup
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array
 from obsdesign.model.equations import Typed, linear
+from obsdesign.records import dataclass
 from obsdesign.reports import mathml
 from obsdesign.spec import Nonlinearity, Spec, arguments
 from obsdesign.tables.split import shown

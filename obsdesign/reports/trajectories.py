@@ -3,7 +3,6 @@
 import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from obsdesign.disk import LARGEST, content_of
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 from obsdesign.reports.chart import FARTHEST, Chart, Curve, Look, of_errors, over_time
 from obsdesign.spec import Spec
 

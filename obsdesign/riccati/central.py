@@ -5,11 +5,11 @@ Schur complement of the inequality. It is not the smallest gain that reaches a m
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass
 from obsdesign.riccati.equation import Equation
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, without_exact_outputs
 

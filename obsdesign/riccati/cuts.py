@@ -5,12 +5,12 @@ found by small linear and quadratic programs in lambda relative to some scales, 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
 from obsdesign.lmi.solvers import quadratic
+from obsdesign.records import dataclass
 from obsdesign.riccati.equation import Signal
 
 BOX = 30.0  # factor by which a scale changes at most in one step

@@ -16,11 +16,11 @@ The smallest gain need not be found: the set of gains is not convex.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, replace
 from obsdesign.riccati.central import FASTER, Central, sizes
 from obsdesign.riccati.equation import Equation, FastError, Subspace
 from obsdesign.riccati.form import Eliminated, Form, UnclearError

@@ -9,12 +9,11 @@ imaginary axis and X >= 0, X = Z2 Z1^-1 for the stable subspace [Z1; Z2] of H: i
 and P = X^-1 is the largest solution. (Scherer, The Riccati inequality and state-space H-infinity control, 1990.)
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass
 from obsdesign.riccati.form import Eliminated, UnclearError, quadrants, scales
 
 Complex = npt.NDArray[np.complexfloating]

@@ -8,11 +8,10 @@ Y exists if and only if the (u, u) block of Q is negative and the form is negati
 lemma). Where D has full row rank that kernel is u = -D^+ C e + Z w, Z = null(D).
 """
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, replace
 
 CERTAIN = 1e-7  # of singular values of normalised rows: above it they count
 ZERO = 1e-13  # .. and below it they do not; between the two nothing is said of the rank

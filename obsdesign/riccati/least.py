@@ -7,11 +7,11 @@ mu, unless eigenvalues of H meet on the axis before.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass
 from obsdesign.riccati.equation import SILENT, Equation, FastError, Signal, Subspace, dying, fast, periodic
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
 

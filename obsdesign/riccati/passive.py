@@ -11,12 +11,12 @@ that no L enters its row, and the best one for P = X^-1, X = U Pt^-1 U' + Bf K^-
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, replace
 from obsdesign.riccati.central import (
     FASTER,
     FIRST,

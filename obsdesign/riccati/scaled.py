@@ -7,12 +7,12 @@ best lambda: to the nearest one where the cuts allow a share of what is left bet
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, replace
 from obsdesign.riccati.cuts import Cuts
 from obsdesign.riccati.equation import Signal
 from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, size_of, without_exact_outputs

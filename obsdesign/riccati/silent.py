@@ -4,11 +4,10 @@ The gain enters it twice: V' L in the state s2, and T' L in the row of s1. Along
 changes by 2 (P e)' dL y, P e = T s1 + V Pt s2, y = C e + D v, as it does in the form itself.
 """
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, replace
 from obsdesign.riccati.descent import Barrier, Inside, Peak, Solutions, inverted, lyapunov, symmetric
 from obsdesign.riccati.equation import Equation, FastError
 from obsdesign.riccati.form import Eliminated, Form, UnclearError

@@ -7,7 +7,6 @@ errors of a file are found at once. A size that an earlier error leaves open is 
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, NoReturn
 
@@ -19,7 +18,7 @@ from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.expressions.exact import decimal
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.document import MAX_PROBLEMS, Document, Loc, dotted
 from obsdesign.sections.nodes import Row
 from obsdesign.sections.notation import as_lists, meant

@@ -1,13 +1,12 @@
 """Time in samples."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.ahead import NEXT, later
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec
 
 TIMES = tuple("t" + NEXT * k for k in range(4))  # of a sample and of those after it, as far as any signal looks ahead

@@ -7,12 +7,12 @@ with l_j the Lagrange polynomials of the c_j; J = 0 gives the Gauss method of or
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 from obsdesign.simulate.sizes import balanced
 
 NODES = 0.5 + np.sqrt(0.15) * np.array([-1, 0, 1])  # c

@@ -1,13 +1,13 @@
 """Several observers on one plant, with the same input, and noise of the same size."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass, replace
 from obsdesign.simulate.definitions import rate
 from obsdesign.simulate.ensemble import Spread, spread
 from obsdesign.simulate.problem import one_problem

@@ -8,7 +8,6 @@ integrated itself, since the difference of two large states has lost its digits.
 
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from flint import fmpq
 
@@ -16,6 +15,7 @@ from obsdesign.expressions import Expression
 from obsdesign.families.observer import Observer
 from obsdesign.model.ahead import ahead
 from obsdesign.model.equations import Equations, Named
+from obsdesign.records import dataclass, field
 from obsdesign.simulate.program import UNIT, Definition, Pair
 
 ZERO = Expression.number(0)

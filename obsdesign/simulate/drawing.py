@@ -4,7 +4,6 @@ Each has a generator of its own, so that what is drawn of one does not depend on
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families.observer import Observer
 from obsdesign.reading import varied, with_simulation
+from obsdesign.records import dataclass, field, replace
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.spec import Spec
 

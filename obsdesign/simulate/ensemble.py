@@ -5,12 +5,12 @@ period, the same for stiff observers (`collocation`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, replace
 from obsdesign.simulate.collocation import SLOW, WEIGHTS, Step
 from obsdesign.simulate.definitions import error
 from obsdesign.simulate.integrate import Flow, Segment, integrate

@@ -3,13 +3,13 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from obsdesign.expressions import Expression, vector_function
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 
 LOOP_ITERATIONS = 60
 LOOP_TOLERANCE = 1e-10  # of the last Newton step; the error left is its square

@@ -6,12 +6,12 @@ time to begin; so a one-step method is tried first there, until the flow is foun
 
 import warnings
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from obsdesign.records import dataclass, field, replace
 from obsdesign.simulate.switches import RESOLUTION, Watch
 
 if TYPE_CHECKING:

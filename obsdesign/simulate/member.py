@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from obsdesign.families.guarantee import Bound
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 from obsdesign.simulate.integrate import Status
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.summary import checks

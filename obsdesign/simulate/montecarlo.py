@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass, replace
 from obsdesign.simulate.drawing import drawn, foreign, observer_of, tried, uncertain
 from obsdesign.simulate.member import Member, estimates, instants, member_of, packed, unpacked
 from obsdesign.simulate.processes import shared_out

@@ -7,7 +7,6 @@ only the states that the noise reaches, and the signals that depend on them, are
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -16,6 +15,7 @@ import numpy as np
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, replace
 from obsdesign.simulate.collocation import NODES
 from obsdesign.simulate.definitions import error, noise, rate
 from obsdesign.simulate.groups import span

@@ -7,13 +7,13 @@ the same groups, with the symbolic derivatives of the terms.
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Float, approximate
+from obsdesign.records import dataclass
 from obsdesign.simulate.groups import Group, Loop, Pairs, Rows, Terms, span
 
 UNIT = "1"  # slot of the number 1

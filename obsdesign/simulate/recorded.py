@@ -9,7 +9,6 @@ import os
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from obsdesign.expressions import Expression
 from obsdesign.files.table import Table, filled, not_rising
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.ahead import ahead
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.source import text_of
 from obsdesign.spec import Spec
 from obsdesign.trial import Column, Simulation

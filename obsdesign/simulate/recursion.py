@@ -1,13 +1,13 @@
 """Plant and observer in discrete time: a recursion, sample by sample, with no integrator."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.families.guarantee import Steps
 from obsdesign.lmi.formula import Float, rational_number
+from obsdesign.records import dataclass
 from obsdesign.simulate.clock import TIMES, Clock
 from obsdesign.simulate.definitions import Definitions, rate
 from obsdesign.simulate.integrate import Mask, Status, Trajectory, Vector

@@ -1,7 +1,7 @@
 """A simulated run: what was true, what was estimated, and how the two compare."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ from obsdesign.errors import UsageError
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.model.equations import free
+from obsdesign.records import dataclass
 from obsdesign.simulate.integrate import Status
 from obsdesign.simulate.sampling import Schedule
 from obsdesign.simulate.validity import Leaving

@@ -1,7 +1,6 @@
 """When measurements are sent and received, and whether they keep to the intervals of a guarantee."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from itertools import accumulate, count
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, replace
 
 Vector = Float
 MOST = 200_000  # measurements in a run

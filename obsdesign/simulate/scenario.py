@@ -1,7 +1,6 @@
 """What acts on the plant in a simulation: known inputs, disturbance, noise, measurements, and when they jump."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import cast
 
@@ -17,6 +16,7 @@ from obsdesign.model.ahead import ahead, later
 from obsdesign.model.disturbance import augment, with_inputs
 from obsdesign.model.equations import Equations
 from obsdesign.model.filtered import channels
+from obsdesign.records import dataclass, field, replace
 from obsdesign.simulate.clock import Clock, clock_of, following
 from obsdesign.simulate.recorded import Recordings, recordings
 from obsdesign.simulate.sampling import Sampling, Schedule, schedule

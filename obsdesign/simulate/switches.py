@@ -4,7 +4,6 @@ Within a stretch between two zeros the sign of each function is held, so that wh
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, Interval
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, field
 from obsdesign.simulate.program import Definition
 
 CELLS, PARTS = 256, 4  # intervals of time at first; parts of one in which a sign is open

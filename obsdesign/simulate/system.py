@@ -1,7 +1,6 @@
 """Plant and observer as one flow with jumps, in the coordinates (state, estimation error)."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
@@ -13,6 +12,7 @@ from obsdesign.families.guarantee import Guarantee, Rates, SampledGuarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float, rational_number
 from obsdesign.model.ahead import ahead
+from obsdesign.records import dataclass
 from obsdesign.simulate.definitions import Definitions, after, error, event, measured, mismatch, noise, rate
 from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector

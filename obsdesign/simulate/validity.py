@@ -1,7 +1,7 @@
 """Whether a run stays where the guarantee was proved, and keeps its bounds."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from obsdesign.errors import Problem, ViolatedError
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.restriction import outward
+from obsdesign.records import dataclass
 from obsdesign.spec import Nonlinearity, limited
 from obsdesign.tables.text import at_most
 

@@ -1,7 +1,6 @@
 """An observer as it is implemented: routines that run it in steps of a period."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array
 from obsdesign.model.ahead import ahead
 from obsdesign.model.equations import Equations, Named, free
+from obsdesign.records import dataclass, field
 from obsdesign.spec import Spec
 from obsdesign.stepping.method import step as step_of
 from obsdesign.stepping.method import taken_by

@@ -1,13 +1,13 @@
 """How outputs go on while they are not known, where the estimates hold the measured value at once."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Equations, Named
+from obsdesign.records import dataclass
 
 ZERO = Expression.number(0)
 

@@ -1,13 +1,13 @@
 """An observer some outputs of which are not known: in the place of these it goes on with what it expects of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.observer import Correction, Observer
 from obsdesign.model.ahead import ahead
 from obsdesign.model.equations import Named, free
+from obsdesign.records import dataclass, replace
 from obsdesign.stepping.implemented import Implemented
 from obsdesign.stepping.method import taken_by
 from obsdesign.stepping.motion import ZERO

@@ -1,11 +1,11 @@
 """Equations in an order in which they can be computed; what depends on itself is solved by Newton's method."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from graphlib import TopologicalSorter
 
 from obsdesign.expressions import Expression
 from obsdesign.model.equations import Named
+from obsdesign.records import dataclass
 
 Edges = Mapping[str, Sequence[str]]  # names that a name needs
 

@@ -7,7 +7,6 @@ with rational matrices: one row for each product of signals in the numerators of
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import combinations_with_replacement
 from math import comb
@@ -21,6 +20,7 @@ from obsdesign.families.algebraic.forms import Coordinate
 from obsdesign.families.algebraic.rational import Vector, independent, table
 from obsdesign.families.algebraic.scheme import added, less, multiplied, scaled
 from obsdesign.model.equations import Equations, Named
+from obsdesign.records import dataclass, field
 
 MAX_FUNCTIONS = 300  # in an ansatz
 SPARE = 8  # symbols that derivatives may bring in

@@ -5,7 +5,6 @@ where it varies, that it is Hurwitz at every point does not prove it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from obsdesign.expressions import Expression
@@ -15,6 +14,7 @@ from obsdesign.families.algebraic.identity import Identity, Negative, Undecided
 from obsdesign.families.algebraic.scheme import DECAYS, ZERO, Plant, Statement, decay, less, multiplied, unbounded
 from obsdesign.families.algebraic.seen import Matrix
 from obsdesign.model.equations import Named
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +21,7 @@ from obsdesign.families.outcome import Verdict as Status
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, below, printed, rational_number
 from obsdesign.lmi.proof import Check
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 

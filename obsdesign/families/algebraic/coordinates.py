@@ -7,7 +7,7 @@ Where lambda < 0 the error xi - phi(x) decays as exp(int lambda). In (41) the pa
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from typing import Any
 
 from flint import fmpq
@@ -40,6 +40,7 @@ from obsdesign.families.algebraic.scheme import (
 )
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
+from obsdesign.records import dataclass, replace
 
 UNUSED = "whether it matters, since xhat does not depend on it"
 DIFFERENT = "whether the observer that is recast converges, for it is not that of the coordinates"

@@ -9,7 +9,6 @@ would teach nothing of the rest. The inputs are filtered too, since z depends on
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations_with_replacement
 from math import comb, prod
@@ -28,6 +27,7 @@ from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import added, scaled
 from obsdesign.model.equations import Equations, Named, Typed, free
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, outward
+from obsdesign.records import dataclass
 
 Array = npt.NDArray[np.float64]
 BURN_IN = 10  # time constants of the slowest filter before a run is used

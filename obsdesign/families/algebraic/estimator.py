@@ -1,7 +1,6 @@
 """Estimators of the constants theta of parameter-estimation-based coordinates."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import permutations
 
 from flint import fmpq
@@ -11,6 +10,7 @@ from obsdesign.expressions import Expression, parse
 from obsdesign.families.algebraic.forms import Estimator
 from obsdesign.families.algebraic.scheme import ZERO, added, less, multiplied, scaled
 from obsdesign.model.equations import free
+from obsdesign.records import dataclass, field
 
 MOST = 6  # rows of a determinant
 LEAST = fmpq(1, 10**6)  # of exp(theta), below which its logarithm is not taken

@@ -6,7 +6,6 @@ Where states are missing, the search goes on with the coordinates that were foun
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 
@@ -25,6 +24,7 @@ from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import ZERO, less, scaled
 from obsdesign.families.algebraic.sylvester import Sylvester, linear
 from obsdesign.model.equations import Equations, Named, Typed, free
+from obsdesign.records import dataclass, replace
 
 SLOW = 10  # a rate is slow where it is so many times below that of the plant
 MOST = 12  # remarks

@@ -7,7 +7,6 @@ depends on nothing else; of a single one, e' = m(x, u) e, that it decays as exp(
 
 import operator
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
@@ -43,6 +42,7 @@ from obsdesign.families.algebraic.seen import Seen
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import printed
 from obsdesign.model.equations import Named
+from obsdesign.records import dataclass, field
 
 Matrix = list[list[Expression]]
 MOST = 6  # errors that act on each other

@@ -5,7 +5,6 @@ algebra of `expressions.algebra`, a sign by interval arithmetic over the whole d
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -22,6 +21,7 @@ from obsdesign.expressions.tree import Call, number, product
 from obsdesign.families.algebraic.region import PRECISIONS, Point, Region, at
 from obsdesign.model.equations import Named
 from obsdesign.nonlinearities.evidence.enclosure import supremum
+from obsdesign.records import dataclass, field, replace
 
 WORK = 20_000  # boxes at which a sign is looked for, and fewer the more operations a function has:
 OPERATIONS = 1_000_000  # on boxes, at most

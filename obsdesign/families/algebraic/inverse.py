@@ -1,7 +1,6 @@
 """States from coordinates and outputs, by linear equations solved one after another."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 from obsdesign.expressions import Expression, Interval
 from obsdesign.expressions.algebra import identical
@@ -12,6 +11,7 @@ from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import ZERO, less
 from obsdesign.model.equations import Equations, Named
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, outward
+from obsdesign.records import dataclass, replace
 
 
 def enclosure(value: Expression, equations: Equations, domain: Domain) -> Interval:

@@ -7,9 +7,10 @@ M0 N = M1 X B. So B = 0 leaves the eigenvalues of A, and any other B every lambd
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mat, fmpq_poly
+
+from obsdesign.records import dataclass
 
 Vector = list[fmpq]
 

@@ -1,7 +1,6 @@
 """Where the plant of an observer without an LMI can be, and points of it."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from obsdesign.expressions.needs import Sign, needs
 from obsdesign.expressions.tree import Variable
 from obsdesign.model.equations import Named
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
+from obsdesign.records import dataclass, field
 
 Domain = Mapping[str, Ends]
 Point = Mapping[str, fmpq]

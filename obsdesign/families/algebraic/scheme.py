@@ -1,7 +1,6 @@
 """An observer without an LMI as it is proved and as it runs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from flint import fmpq
@@ -15,6 +14,7 @@ from obsdesign.families.algebraic.region import Region
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends
+from obsdesign.records import dataclass, field
 
 ZERO = Expression.number(0)
 OPEN = "not proved: "  # how a clause of a statement begins that says so

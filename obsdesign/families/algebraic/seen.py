@@ -1,7 +1,6 @@
 """Whether errors e' = M e that do not fall are seen in the estimate, where xhat - x = E e."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mat
 
@@ -11,6 +10,7 @@ from obsdesign.expressions.tree import Number
 from obsdesign.families.algebraic.identity import Negative
 from obsdesign.families.algebraic.rational import controlled
 from obsdesign.families.algebraic.region import Point, Region
+from obsdesign.records import dataclass
 
 Matrix = list[list[Expression]]
 HIDDEN = "whether xhat - x holds a part of this error that does not fall"

@@ -1,7 +1,6 @@
 """The Sylvester equation T A - Lambda T = B C of a linear plant (Luenberger 1964), exactly."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from flint import fmpq, fmpq_mat
@@ -12,6 +11,7 @@ from obsdesign.families.algebraic.ansatz import simplified
 from obsdesign.families.algebraic.forms import Coordinate
 from obsdesign.families.algebraic.rational import beside, independent
 from obsdesign.model.equations import Equations, Named
+from obsdesign.records import dataclass
 
 
 def coefficients(sides: Named, states: Sequence[str]) -> fmpq_mat | None:

@@ -1,7 +1,6 @@
 """What every filter is made of: the plant written out, its copy, a covariance by names, the observer around them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from obsdesign.families.observer import Copy, Correction, Observer, Supposed
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.disturbance import with_inputs
 from obsdesign.model.equations import Equations, Named, free
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 
 

@@ -1,13 +1,13 @@
 """What a spec asks of a filter: its weights, by matrix or by name."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.records import dataclass
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, MapOf, OneOf, key, required
 from obsdesign.sections.values import Axis, Reader

@@ -4,7 +4,6 @@ Its prediction is the plant itself and not the linear one, as in the constant ga
 Athans (1978), so that of a linear plant it is what the extended filter becomes in the end.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from obsdesign.families.filters.symbols import jacobian, numbers, times
 from obsdesign.families.observer import Observer, Supposed
 from obsdesign.lmi.formula import Array
 from obsdesign.model.structure import Mode, modes
+from obsdesign.records import dataclass
 
 MARGIN = 1e-9  # of the size of A: a mode that is nearer to the edge of stability lies on it
 

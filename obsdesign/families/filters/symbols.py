@@ -1,7 +1,6 @@
 """Matrices of expressions, and the plant written out, from which the equations of a filter are made."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
@@ -10,6 +9,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.equations import Equations, Named, free
+from obsdesign.records import dataclass, field
 
 ZERO = Expression.number(0)
 

@@ -1,7 +1,6 @@
 """The scaled unscented transform: sigma points of a mean and a covariance, and what a function makes of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from obsdesign.families.filters.request import FilterRequest
 from obsdesign.families.filters.symbols import Signals, numbers, times
 from obsdesign.lmi.formula import Array
 from obsdesign.model.equations import Named
+from obsdesign.records import dataclass
 
 ROOT = parse("sqrt(p)", ["p"])
 SURE_ROOT = parse("sqrt(max(p, 0))", ["p"])

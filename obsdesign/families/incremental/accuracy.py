@@ -19,7 +19,6 @@ the smallest gain finds less, but this one needs a single inequality that does n
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.shift import with_usable_scales
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, in_floats, printed, symmetric
 from obsdesign.lmi.solve import Status
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 FASTER = (2.0, 1.5, 1.1)  # abar / alpha that are tried for a family with a decay rate to spare
 BARELY = (1.01,)  # .. and for one whose level gains from alpha itself

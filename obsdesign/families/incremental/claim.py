@@ -1,7 +1,6 @@
 """Claims of observers with the gains L1 and L2 (families l2 and linf), as a file holds them and as it is read."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
@@ -34,7 +33,7 @@ from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.model.filtered import gain_of
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 

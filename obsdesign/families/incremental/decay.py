@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -18,7 +17,7 @@ from obsdesign.dissipation.scan import Minimum, edge, strides
 from obsdesign.dissipation.zero import settled, share_of_widest
 from obsdesign.lmi.reduce import Reduced, between
 from obsdesign.lmi.solve import Answer, Status, reduction
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 EDGE = 1e-6  # relative, of the largest rate
 FEW, APART = 4, 0.1  # points of a curve and the relative step of their gammas, where a proof fails at the least

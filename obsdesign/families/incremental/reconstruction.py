@@ -20,7 +20,6 @@ nothing is proved of what, and Theorem 1 holds all the same.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,7 +46,7 @@ from obsdesign.lmi.formula import (
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.lmi.spectrum import extremes, upper
 from obsdesign.model.multiplier import Multiplier
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec, arguments
 
 if TYPE_CHECKING:

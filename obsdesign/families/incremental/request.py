@@ -1,7 +1,6 @@
 """What a spec asks of an observer with the gains L1 and L2: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import ClassVar, Literal, get_args
 
 from flint import fmpq, fmpq_mat
@@ -15,7 +14,7 @@ from obsdesign.families.incremental.theorems import theorem
 from obsdesign.families.poles import read_poles, refuse_free
 from obsdesign.families.rates import RateSection
 from obsdesign.lmi.formula import Array, printed
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Reader

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 from flint import fmpq
@@ -24,6 +23,7 @@ from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, Exact, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 

@@ -29,7 +29,6 @@ block of the largest tau_i that leaves c^2 |q_i|^2 <= |f|^2.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, sqrt
 from typing import Any
@@ -39,6 +38,7 @@ import numpy as np
 from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, block_diagonal, he, symmetric
 from obsdesign.model.pencil import System, output_nulling, scaled, split
+from obsdesign.records import dataclass, replace
 
 ZERO = 1e-10  # relative size of what is taken for zero after a change of basis
 ROUNDED = 1e-5  # eigenvalue of a solution, where 1 is large, that counts as zero

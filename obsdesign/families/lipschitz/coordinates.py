@@ -7,7 +7,6 @@ the s-procedure knows which f_i depends on what, its inequality is the same in a
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from math import inf, isfinite, log
@@ -31,6 +30,7 @@ from obsdesign.nonlinearities.evidence.enclosure import require_continuous
 from obsdesign.nonlinearities.evidence.norm import Matrix
 from obsdesign.nonlinearities.evidence.refutation import spread
 from obsdesign.nonlinearities.evidence.restriction import Range, with_name
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 
 SAMPLES = 400  # Jacobians that stand for all of them in the search

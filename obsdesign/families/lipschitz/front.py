@@ -7,7 +7,6 @@ the minimum is searched over it.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +29,7 @@ from obsdesign.families.outcome import BEST_FOUND
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, in_floats
 from obsdesign.lmi.reduce import Reduced, between
 from obsdesign.lmi.solve import Answer, Status, reduction
+from obsdesign.records import dataclass, field
 
 GRID = 1 - np.geomspace(1, 1e-3, 16)  # share of the way from the declared constant to the supremum
 ROUNDED = 2e-5  # share of the objective below which gamma^2 is rounding

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -22,6 +21,7 @@ from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.outcome import Outcome, Search, Verdict, bounded_kind, limited
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.solve import Status
+from obsdesign.records import dataclass, replace
 
 ROOMY = 2  # times the least gamma, where it has no weight
 SAME = 1e-4  # relative difference of two limits that count as one point

@@ -31,7 +31,6 @@ Of plants x+ = A x + Bf f(Cq x) + g + B w there is the s-procedure only, by our 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -59,6 +58,7 @@ from obsdesign.lmi.formula import (
 from obsdesign.model.multiplier import Multiplier, combine
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.lipschitz import lipschitz
+from obsdesign.records import dataclass, replace
 
 if TYPE_CHECKING:
     from obsdesign.families.lipschitz.request import LipschitzRelaxation

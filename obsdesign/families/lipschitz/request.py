@@ -1,7 +1,6 @@
 """What a spec asks of an observer of a Lipschitz system: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import ClassVar, Literal, get_args
 
 from flint import fmpq
@@ -17,7 +16,7 @@ from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.edge import Edge
 from obsdesign.nonlinearities import combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.forms import ENTRY, MATRIX, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Reader

@@ -5,7 +5,6 @@ storage function of the limit is singular, and the coordinates matter.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +18,7 @@ from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.solve import Status
 from obsdesign.model.pencil import split
+from obsdesign.records import dataclass, replace
 
 LEAST_SHOWN = 1e-3  # relative, of how well y and q show a coordinate
 

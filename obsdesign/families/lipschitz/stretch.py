@@ -1,7 +1,6 @@
 """Largest Lipschitz constants: for given gains, and over the gains within bounds."""
 
 import math
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from obsdesign.dissipation.scan import edge, strides
 from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, Values
 from obsdesign.lmi.solve import Answer, Status
+from obsdesign.records import dataclass, replace
 from obsdesign.riccati.form import Form
 
 EDGE = 1e-6  # relative, of a constant that is found by bisection

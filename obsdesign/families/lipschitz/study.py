@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,6 +31,7 @@ from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Status
+from obsdesign.records import dataclass, replace
 
 K = TypeVar("K", bound=Lipschitz)
 CLOSE = 1e-3  # relative, from the largest decay that does to what is suggested

@@ -1,6 +1,5 @@
 """Suprema of the Lipschitz constant over all gains, without the gain; a closed form wherever there is one."""
 
-from dataclasses import dataclass, replace
 from math import inf, sqrt
 
 import numpy as np
@@ -23,6 +22,7 @@ from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
+from obsdesign.records import dataclass, replace
 
 ACCURACY = 1e-6  # of the constant of several blocks, relative
 

@@ -1,7 +1,6 @@
 """What is proved of an observer of a Lipschitz system, in words, with the observer written out."""
 
-from dataclasses import dataclass
-
+from obsdesign.records import dataclass
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +17,7 @@ from obsdesign.lmi.spectrum import BITS, extremes
 from obsdesign.model import loop
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 from obsdesign.tables.text import at_least, at_most
 
 MEANING = "norm2(z) <= gamma norm2(w) from zero error"  # of gamma

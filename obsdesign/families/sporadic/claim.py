@@ -1,7 +1,6 @@
 """Claims of observers whose measurements arrive sporadically, as a file holds them and as it is read."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 from flint import fmpq
@@ -27,6 +26,7 @@ from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, Exact, above, approximate, below
 from obsdesign.lmi.proof import Check, Proved
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.scalars import described
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq
@@ -23,6 +22,7 @@ from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 
 CENTERINGS = 6  # of the bound on |L| about the solution, which makes it tight there
 SETTLED = 0.01  # relative change of gamma below which they end

@@ -1,6 +1,5 @@
 """What is proved of an observer whose measurements arrive sporadically."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -22,6 +21,7 @@ from obsdesign.families.guarantee import (
 from obsdesign.families.sporadic.theorem import extent
 from obsdesign.lmi.formula import Array, Float, approximate, printed, rational
 from obsdesign.lmi.spectrum import lower, upper
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

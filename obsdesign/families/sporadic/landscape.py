@@ -5,7 +5,6 @@ A search takes one solve a point, in the scaling of its data, and believes it: w
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from obsdesign.lmi.probe import Block, Program, matrices, probe
 from obsdesign.lmi.reduce import reduce
 from obsdesign.lmi.solve import Search, unscaled, violation
 from obsdesign.lmi.solvers import Ending, call
+from obsdesign.records import dataclass, field, replace
 
 Form = Callable[[Sporadic], Relaxation]
 LEAST_DELTA = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t

@@ -9,7 +9,6 @@ of e' = (A + Bf K Cq) e from J = I - K C, Jn = -K on. T is T1 or T2, so that wha
 these; other sequences of intervals may be worse, and only what is proved holds of them.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.areas import largest_area
 from obsdesign.dissipation.modes import INSIDE, POWERS, powers, widths
 from obsdesign.lmi.formula import Array
+from obsdesign.records import dataclass
 
 HALVINGS = 4  # of an interval, in which w is followed
 FORGOTTEN = 1e-6  # what is left of an error after as many intervals as are followed

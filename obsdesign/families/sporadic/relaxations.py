@@ -7,7 +7,6 @@ Each relaxation states (28) at s = exp(delta tau), s = 1 and s = r, for a fixed 
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +16,7 @@ from obsdesign.families.sporadic.units import SPEC
 from obsdesign.lmi.formula import Array, Formula, Inequality, Problem, Unknown, Values, he, symmetric
 from obsdesign.lmi.probe import Program
 from obsdesign.lmi.reduce import balance
+from obsdesign.records import dataclass, replace
 
 ONE = np.ones((1, 1))
 Gains = tuple[Array, Array]  # L (n, ny), H (ny, ny)

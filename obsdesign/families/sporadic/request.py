@@ -1,7 +1,6 @@
 """What a spec asks where measurements arrive sporadically, in its numbers."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import ClassVar
 
 from flint import fmpq
@@ -21,7 +20,7 @@ from obsdesign.families.sporadic.section import (
 )
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.edge import Edge
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec

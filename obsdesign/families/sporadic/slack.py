@@ -7,7 +7,6 @@ Propositions 3 and 5 have a solution for delta > 2 lambda_t only.
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from obsdesign.lmi.equilibrate import scaled_coordinates
 from obsdesign.lmi.formula import Array, Problem, Unknown, Values, block_diagonal, he, symmetric
 from obsdesign.lmi.probe import Program
 from obsdesign.lmi.reduce import balance
+from obsdesign.records import dataclass, replace
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """What one injection and relaxation can do: limits, edges of feasibility, and certified gains."""
 
 import math
-from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -36,6 +35,7 @@ from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.families.sporadic.units import SPEC
 from obsdesign.lmi.formula import in_floats, printed, rational_number
 from obsdesign.lmi.solve import Status
+from obsdesign.records import dataclass, field, replace
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains

@@ -33,7 +33,6 @@ Misprints: Theorem 1 (ii) has rho2 for sqrt(rho2); (23) lacks 1 / rho1 in the te
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from flint import arb
@@ -43,6 +42,7 @@ from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, in_fl
 from obsdesign.lmi.spectrum import extremes
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass
 
 EQUATIONS = (
     "xhat' = A xhat + Bf f(qhat) + g + L theta, theta' = H theta between measurements, "

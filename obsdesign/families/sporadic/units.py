@@ -4,7 +4,6 @@ What is missing for feasibility, a search that begins at |A|, and the size |L| a
 are far from what fits the plant they mean nothing, and the smallest gain is one that is small in a single entry.
 """
 
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +13,7 @@ from obsdesign.dissipation.scaling import Factors, powers
 from obsdesign.lmi.equilibrate import factors
 from obsdesign.lmi.formula import Array, Values
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 
 TAME = 6.0  # powers of two up to which the units of a spec are kept: the size of a gain is one in these
 

@@ -1,7 +1,6 @@
 """Claims of unknown-input observers, as a file holds them and as it is read."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any
 
 from flint import fmpq
@@ -24,6 +23,7 @@ from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, Exact, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 

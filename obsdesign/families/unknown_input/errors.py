@@ -5,7 +5,6 @@ plant that is left.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +16,7 @@ from obsdesign.dissipation.modes import modes
 from obsdesign.families.unknown_input import transform
 from obsdesign.families.unknown_input.request import reduced, request_of
 from obsdesign.lmi.formula import Array, Exact, in_floats, zeros
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 
 

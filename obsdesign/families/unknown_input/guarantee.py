@@ -1,6 +1,5 @@
 """What is proved of a run of an unknown-input observer: V is that of eps = xi - T x."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.families.guarantee import Bound, Course
 from obsdesign.lmi.formula import Array, Float
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 OUTWARD = 1 + 1e-12  # rounding of a norm
 

@@ -1,7 +1,6 @@
 """What a spec asks of an unknown-input observer: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar, Literal, get_args
 
@@ -22,7 +21,7 @@ from obsdesign.families.unknown_input.theorem import DiscreteUnknownInput, Unkno
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, TEXT, Either, Entries, ListOf, OneOf, Section, key, required
 from obsdesign.sections.values import Reader

@@ -1,12 +1,10 @@
 """The inequality of an unknown-input observer: that of l2 for the plant that is left, with z = H eps + Z v."""
 
-from dataclasses import replace
-
 from obsdesign.dissipation.discrete import Discrete
 from obsdesign.families.incremental.theorems import L2, DiscreteL2
 from obsdesign.families.unknown_input.guarantee import Shifted, ShiftedOfSteps
 from obsdesign.lmi.formula import Array, Inequality, Values, symmetric, zeros
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 DIRECT = "eps = e - E D v"  # in a statement, where that is not e
 OBSERVER = (

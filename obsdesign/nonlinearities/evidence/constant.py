@@ -5,7 +5,6 @@ could not be proved.
 """
 
 from collections.abc import Mapping
-from dataclasses import field
 from itertools import takewhile
 from math import inf
 
@@ -15,7 +14,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.enclosure import WORK, Doubt, Supremum, doubt, shown
 from obsdesign.nonlinearities.evidence.norm import PATIENCE, TIGHT, Matrix, largest_norm
 from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, field
 
 SCALES = 24  # 4^-k around a finite place, 4^k toward infinity
 COUNT = 128  # points at each of them

@@ -14,7 +14,6 @@ corner.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 from math import inf
 from operator import mul
@@ -34,7 +33,7 @@ from obsdesign.nonlinearities.evidence.enclosure import (
     supremum,
 )
 from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 Matrix = Sequence[Sequence[Expression]]
 TIGHT = 1e-6  # relative

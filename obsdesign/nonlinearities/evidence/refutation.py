@@ -6,7 +6,6 @@ exactly tight is never refused for a rounding error.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import floor, log10
 
 import numpy as np
@@ -18,7 +17,7 @@ from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.claims import Claim, Quadratic
 from obsdesign.nonlinearities.evidence.enclosure import middle, negative, supremum_of
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, Restriction
-from obsdesign.records import dataclass
+from obsdesign.records import dataclass, replace
 
 BITS = 256  # of the balls
 VISIBLE = 1e-9  # relative violation, below which sampling sees rounding errors only

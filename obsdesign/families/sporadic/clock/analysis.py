@@ -5,7 +5,6 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -27,6 +26,7 @@ from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation
 from obsdesign.lmi.solvers import Ending, call
 from obsdesign.lmi.spectrum import extremes, lower
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.records import dataclass, field, replace
 
 ONE = np.ones((1, 1))
 VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +18,7 @@ from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, above, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.records import dataclass, replace
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 

@@ -16,7 +16,6 @@ t D^2 <= P1 and [P1, J1; J1', t E^-2] >= 0 with diagonal D and E bound |D L E| b
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from obsdesign.lmi.formula import (
     block_diagonal,
     symmetric,
 )
+from obsdesign.records import dataclass
 
 LEAST = 1e-9  # of P, relative to its scale, by which a solution is kept away from singular ones
 

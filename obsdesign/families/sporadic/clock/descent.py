@@ -6,12 +6,12 @@ With F = [A - L C, L; C A - C L C - H C, C L + H], dF = ([I; C] dL + [0; I] dH) 
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from obsdesign.families.sporadic.clock.analysis import Slope
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass
 
 Gains = Mapping[str, Float]
 BARRIER = 1e-2  # weight of -log(1 - |L|^2 / kappa^2) beside log mu

@@ -6,7 +6,6 @@ smallest that were found within the slack of it, rounded to few digits, and ever
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +40,7 @@ from obsdesign.lmi.formula import Array, Exact, in_floats, printed
 from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, field, replace
 
 CONSTANT = "a constant K has a smaller gamma than what was found of one that depends on the interval"
 TIGHT = ("min-gamma", "pareto")  # objectives for which gamma counts

@@ -17,7 +17,6 @@ and Lin, A structure-preserving doubling algorithm for continuous-time algebraic
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -25,6 +24,7 @@ import numpy as np
 from obsdesign.dissipation import scan
 from obsdesign.families.sporadic.clock.linear import ROUNDING, LinearError
 from obsdesign.lmi.formula import Float
+from obsdesign.records import dataclass
 
 STEP = 0.5  # of the Hamiltonian system, relative to its rates
 DOUBLINGS = 40

@@ -1,7 +1,6 @@
 """What a clock-dependent certificate says of a run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -23,6 +22,7 @@ from obsdesign.families.sporadic.guarantee import measurements
 from obsdesign.lmi.formula import Array, Float, Inequality, above, below, identity, zeros
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.spectrum import extremes, lower, upper
+from obsdesign.records import dataclass
 
 HALVINGS = 8  # of the segments of P, at most, until its smallest eigenvalue is known to be positive
 

@@ -11,7 +11,6 @@ A: x is that of the plant times exp(lambda t).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy as np
 from obsdesign.dissipation import scan
 from obsdesign.dissipation.modes import powers
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass
 
 SCANNED = 200  # periods up to the longest one that is tried
 TURN = 0.4  # rad of the fastest oscillation between two of these, at most

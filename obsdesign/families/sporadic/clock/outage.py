@@ -9,7 +9,6 @@ error vanishes if the share X / t stays below lambda / (lambda + growth). P and 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +22,7 @@ from obsdesign.files import ResultFile
 from obsdesign.files import written as entry
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, approximate, in_floats, printed, rational
 from obsdesign.lmi.proof import Check, Proved, prove, with_digits
+from obsdesign.records import dataclass, replace
 
 BACKOFFS = (1e-3, 1e-2, 0.1, 1.0)  # of the least growth
 DIGITS = 12

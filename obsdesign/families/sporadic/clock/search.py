@@ -6,7 +6,6 @@ lower degree, and what is shipped is analysed once more and proved.
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,6 +22,7 @@ from obsdesign.families.sporadic.units import SPEC, Units
 from obsdesign.lmi.formula import Array, Exact, Float, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 
 COARSE = 3  # degree of the storage function of a descent, at most
 FINE = 4  # .. and segments of that of a convex problem

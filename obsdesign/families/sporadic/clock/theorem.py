@@ -43,7 +43,6 @@ is convex in J where P(0) >= 0. Before the first measurement, at t1, the clock b
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +65,7 @@ from obsdesign.lmi.formula import (
 )
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.records import dataclass, replace
 
 HOLDING = (
     "xhat' = A xhat + Bf f(qhat) + g + L theta, theta' = H theta between measurements, "

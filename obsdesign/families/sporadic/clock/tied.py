@@ -1,11 +1,10 @@
 """What arbitrarily short intervals ask of P(0) where a measurement leaves no entry of the error as it is."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array, identity, rational, zeros
+from obsdesign.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ mu = (z0 / w0)^2 mu~, kappa = z0^2 t0 kappa~ and M = z0^2 M~.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +16,7 @@ from obsdesign.families.sporadic.clock.theorem import ClockTheorem, ErrorSystem
 from obsdesign.families.sporadic.clock.tied import Tied
 from obsdesign.lmi.equilibrate import factors
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.records import dataclass, replace
 
 TAME = 3.0  # powers of two up to which the units of the spec are kept
 FAR = 1e4  # between the units of two entries

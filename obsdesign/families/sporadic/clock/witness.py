@@ -11,7 +11,6 @@ Every claim has a storage function of its own. With P >= I for those on |x|,
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isqrt
 from typing import Any
@@ -26,6 +25,7 @@ from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, ratio
 from obsdesign.lmi.proof import Check, Proved, holds, prove
 from obsdesign.lmi.spectrum import BITS
 from obsdesign.model import loop
+from obsdesign.records import dataclass, replace
 
 
 @dataclass(frozen=True)
