@@ -19,11 +19,14 @@ FASTER = 2.0  # between rates that are tried, until one has no solution
 MOST = 40  # .. of these
 
 
-def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None, accuracy: float = EDGE) -> float | None:
-    """Largest rate for which there is a solution, or None if there is none at the lowest; numerical."""
+def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None, *, rough: bool = False) -> float | None:
+    """Largest rate for which there is a solution, or None if there is none at the lowest; numerical, to `EDGE`.
+
+    `rough`: whether `ROUGH` does, by quick solves.
+    """
 
     def missing(decay: float) -> float:
-        return FEASIBLE - analysis.margin(T2, printed(decay), quick=accuracy > EDGE)
+        return FEASIBLE - analysis.margin(T2, printed(decay), quick=rough)
 
     begin = float(low)
     if missing(begin) >= 0:
@@ -34,7 +37,9 @@ def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None, 
             if missing(high) >= 0:
                 break
             begin, high = high, FASTER * high
-    return scan.zero(missing, begin, high, accuracy * high)
+    if rough:
+        return scan.edge(lambda decay: missing(decay) < 0, begin, high, ROUGH)
+    return scan.zero(missing, begin, high, EDGE * high)
 
 
 def longest(analysis: Analysis, decay: fmpq, low: float, high: float) -> float | None:
@@ -72,7 +77,7 @@ def witnesses(analysis: Analysis, T2: fmpq, decay: fmpq) -> dict[str, Witness]:
     if gamma and gamma.holds:
         level = {"mu": printed(round_up(float(gamma.numbers["mu"]) * NOISY**2, 6))}
         found["energy"] = analysis.prove(GOALS["energy"], T2, decay, given=level)
-    limit = fastest(analysis, T2, decay, accuracy=ROUGH)
+    limit = fastest(analysis, T2, decay, rough=True)
     if rate := decay or printed(round_down(QUIET * (limit or 0.0), 3)):
         found["overshoot"] = analysis.prove(GOALS["overshoot"], T2, rate)
     if limit is not None:
