@@ -198,18 +198,15 @@ def same(form: Form, known: Least, near: float) -> bool:
     if not known.share or not reduced.n:
         return False
     noisy = reached(reduced.balanced()[0], known.share)
-    try:
-        moved, _ = far_above(noisy, reduced.n, known)
-    except UnclearError:
-        return False
-    if ends(moved, known, near):
-        return True
     search = Search(Eliminated.of(noisy), reduced.n)
     far = search.at(FAR * known.mu)
-    if not far.solved:
+    if far.X is None or not far.solved:
         return False
     search.refer(far)
-    return ends(search, known, near)
+    assert search.R is not None
+    moved = Search(Eliminated.of(noisy.moved(search.R)), reduced.n)
+    moved.R = np.eye(len(far.X))
+    return ends(moved, known, near) or ends(search, known, near)
 
 
 def ends(search: Search, known: Least, near: float) -> bool:

@@ -64,7 +64,7 @@ class Scales:
         self.form, self.states = form, states
         self.cuts = Cuts()
         self.best: Best | None = None
-        self.settled = False  # whether the coordinates are those in which some X far above the least mu is 1
+        self.R: Float | None = None  # of an X far above the least mu, once the states are those in which one is 1
 
     def look(self, scales: Float, cap: float) -> bool:
         """Least mu at some scales, kept where it is below a cap and the best; else what the cap is refuted by."""
@@ -93,22 +93,29 @@ class Scales:
     def start(self, scales: Float, cap: float) -> tuple[Search, Point]:
         """Search at some scales and its point at a cap, or the one far above it where that has no solution.
 
-        That one judges the other, and is only asked where the other may have a solution.
+        That one judges the other, and is only asked where the other may have a solution. X that is above that of other
+        scales is one too.
         """
         search = self.at(scales)
-        if not self.settled:
+        if self.R is None:
             far = search.at(FAR * cap)
             if far.X is None or not far.solved:
                 return search, far
-            self.form, self.settled = self.form.moved(root(far.X)), True
+            self.form, self.R = self.form.moved(root(far.X)), np.eye(self.form.n)
             search = self.at(scales)
         inside = search.at(cap)
         if not inside.solved:
             return search, inside
+        search.R = self.R
+        again = search.again(inside)
+        if again.solved:
+            return search, again
+        search.R = None
         far = search.at(FAR * cap)
         if not far.solved:
             return search, far
         search.refer(far)
+        self.R = search.R
         return search, search.again(inside)
 
     def at(self, scales: Float) -> Search:
