@@ -6,7 +6,7 @@ best lambda: to the nearest one where the cuts allow a share of what is left bet
 (Lemarechal, Nemirovskii and Nesterov, New variants of bundle methods, 1995.)
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -93,8 +93,8 @@ class Scales:
     def start(self, scales: Float, cap: float) -> tuple[Search, Point]:
         """Search at some scales and its point at a cap, or the one far above it where that has no solution.
 
-        That one judges the other, and is only asked where the other may have a solution. X that is above that of other
-        scales is one too.
+        That one judges the other, and is only asked where the other may have a solution. Of a large form it is that of
+        scales nearby, where it says that there is one.
         """
         search = self.at(scales)
         if self.R is None:
@@ -106,11 +106,11 @@ class Scales:
         inside = search.at(cap)
         if not inside.solved:
             return search, inside
-        search.R = self.R
-        again = search.again(inside)
-        if again.solved:
-            return search, again
-        search.R = None
+        if self.form.n >= LARGE:
+            search.R = self.R
+            if (again := search.again(inside)).solved:
+                return search, again
+            search.R = None
         far = search.at(FAR * cap)
         if not far.solved:
             return search, far
@@ -184,16 +184,26 @@ def closed(search: Scales) -> Best:
         gaps.append(best.mu - lower)
         if len(gaps) > STALLED and gaps[-1] > SLOW * gaps[-1 - STALLED]:
             break
-        levels = (lower + share * (best.mu - lower) for share in LEVELS)
-        reached = ((search.cuts.nearest(best.scales, best.mu, level), level) for level in levels)
-        found = next(((near, level) for near, level in reached if near is not None), None)
-        if found is None and (edge := search.cuts.lowest(best.scales, best.mu)) is not None:
-            found = edge, search.cuts.allowed(edge)
-        if found is None or (last is not None and np.allclose(found[0], last, rtol=SAME, atol=0)):
+        found = next((found for found in hopeful(search.cuts, best, lower) if not alike(found[0], last)), None)
+        if found is None:
             break
         search.step(*found)
         last = found[0]
     raise UnclearError("the search over the scales of the multipliers ended with a gap")
+
+
+def hopeful(cuts: Cuts, best: Best, lower: float) -> Iterator[tuple[Float, float]]:
+    """Scales where the cuts allow a lower mu, and that: near the best ones, then the best in a box about them."""
+    levels = (lower + share * (best.mu - lower) for share in LEVELS)
+    reached = ((cuts.nearest(best.scales, best.mu, level), level) for level in levels)
+    yield from next(([(near, level)] for near, level in reached if near is not None), [])
+    if (edge := cuts.lowest(best.scales, best.mu)) is not None:
+        yield edge, cuts.allowed(edge)
+
+
+def alike(scales: Float, last: Float | None) -> bool:
+    """Whether scales are those that were looked at last."""
+    return last is not None and np.allclose(scales, last, rtol=SAME, atol=0)
 
 
 def begin(search: Scales, form: Form) -> None:
