@@ -21,7 +21,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.errors import UndecidedError
-from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, rational, zeros
+from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, identity, product, rational, zeros
 from obsdesign.lmi.probe import matrices
 from obsdesign.lmi.proof import Check, Formula, Proved, holds
 from obsdesign.records import dataclass, replace
@@ -143,18 +143,12 @@ def null_space(matrix: Array) -> Array:
     """Rational basis of {u : matrix u = 0}, as rows."""
     size = matrix.shape[1]
     if not len(matrix):
-        return rational(np.eye(size))
+        return identity(size, matrix)
     reduced, rank = fmpq_mat(*matrix.shape, matrix.ravel().tolist()).rref()
     rows = np.array(reduced.entries(), dtype=object).reshape(matrix.shape)[:rank]
     pivots = [int(np.flatnonzero(row != 0)[0]) for row in rows]
     free = np.setdiff1d(np.arange(size), pivots)
-    basis = rational(np.zeros((len(free), size)))
+    basis = zeros((len(free), size), [matrix])
     basis[np.arange(len(free)), free] = fmpq(1)
     basis[:, pivots] = -rows[:, free].T
     return basis
-
-
-def product(left: Array, right: Array) -> Array:
-    """Product of rational matrices."""
-    made = fmpq_mat(*left.shape, left.ravel().tolist()) * fmpq_mat(*right.shape, right.ravel().tolist())
-    return np.array(made.entries(), dtype=object).reshape(len(left), right.shape[1])

@@ -9,13 +9,14 @@ rationals, and that K is judged at the eigenvectors of what is left. An irration
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice, product
+from itertools import chain, islice
+from itertools import product as combinations
 
 import numpy as np
 from flint import arb, ctx, fmpq_mat, fmpq_poly
 
 from obsdesign.lmi.farkas import null_space
-from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, in_floats, rational, zeros
+from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, in_floats, product, rational, zeros
 from obsdesign.model.edge import Edge, polynomial
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.pencil import System
@@ -60,7 +61,7 @@ def hidden(plant: Plant[Exact], multiplier: Multiplier, edge: Edge) -> Hidden | 
     blocks, found = multiplier.blocks, list[Hidden]()
     choices = [(*((None,) if block.generators else ()), *block.vertices) for block in blocks]
     first = tuple(block.member for block in blocks)
-    for slopes in islice(chain([first], product(*choices)), looked_at(plant.n)):
+    for slopes in islice(chain([first], combinations(*choices)), looked_at(plant.n)):
         system, through = closed(plant, blocks, slopes)
         motion = unseen(plant, system, through) if system else None
         tried = [slopes] if motion else candidates(plant, blocks, slopes, system, through, edge) if system else ()
@@ -150,13 +151,14 @@ def unseen(plant: Plant[Exact], system: System, through: tuple[Array, Array]) ->
         basis = null_space(R)
         kept = [int(np.flatnonzero(row != 0)[-1]) for row in basis]  # where the basis is the identity
         K = basis.T
-        C, D = np.vstack([C @ K, R @ A @ K]), np.vstack([D, R @ B])
-        A, B, V = (A @ K)[kept], B[kept], V @ K
+        AK = product(A, K)
+        C, D = np.vstack([product(C, K), product(R, AK)]), np.vstack([D, product(R, B)])
+        A, B, V = AK[kept], B[kept], product(V, K)
     if len(D) < D.shape[1]:
         return None
     U = -C  # D is the identity
-    F = through[0] @ V + through[1] @ U
-    return Motion(V, A + B @ U, plant.Cq @ V + plant.Dqf @ F, F)
+    F = product(through[0], V) + product(through[1], U)
+    return Motion(V, A + product(B, U), product(plant.Cq, V) + product(plant.Dqf, F), F)
 
 
 def candidates(
