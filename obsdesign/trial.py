@@ -27,12 +27,9 @@ class Level:
         """Rms of a value that is held for a period, s."""
         return float(self.number) / (math.sqrt(period) if self.density else 1.0)
 
-    def density_at(self, period: float | None) -> float | None:
-        """Density, unit/sqrt(Hz); None of a rms whose period is known neither with it nor otherwise."""
-        held = period if self.period is None else float(self.period)
-        if self.density:
-            return float(self.number)
-        return None if held is None else float(self.number) * math.sqrt(held)
+    def held(self, period: float | None) -> float | None:
+        """How long a value of a rms is held, s: its own period, or else that of the measurements if there is one."""
+        return period if self.period is None else float(self.period)
 
 
 @dataclass(frozen=True)

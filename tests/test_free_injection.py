@@ -78,7 +78,7 @@ def test_noise_in_y_is_named_where_it_forbids_the_injection_that_a_steep_f_needs
     spec = VAN_DER_POL.format(D="0, 0.1", type="monotone", Dq="", L2=L2)
     code, output, content = solved(tmp_path, spec)
     assert code == 3
-    assert "Dq + L2 D = 0, which noise in y makes L2 = [[0]]" in content["diagnosis"]["reason"]
+    assert "Dq + L2 D = 0, where the noise in y leaves only L2 = [[0]]" in content["diagnosis"]["reason"]
     assert "leave noise out of y (D = 0)" in content["diagnosis"]["suggestion"]
     assert ("D = 0) with `L2: free`, with which" in output) == (L2 in ("", ", L2: 0"))
     assert "another type" not in output

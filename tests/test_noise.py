@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
 
 import obsdesign as od
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.modes import EXPONENTIALS, POWERS
+from obsdesign.dissipation.residues import Spectrum
 
 FIRST = {"A": [[-1]], "B": [[1, 0]], "C": [[1]], "D": [[0, 0.01]]}
 SLOPED = [{"type": {"slope": [-0.5, 0.75]}, "f": "0.1*sin(q)", "Bf": [1], "Cq": [1]}]
@@ -135,6 +136,48 @@ def test_the_rms_of_sporadic_measurements_is_that_of_their_steps(gains):
             worst = np.maximum(worst, np.sqrt((h**2).sum(axis=0)))
     assert [row["y1"] for row in found["noise_rms"].values()] == pytest.approx(worst, rel=1e-8)
     assert found["noise_density"] == found["noise_rms"]
+
+
+# Values that are held
+
+
+@pytest.mark.parametrize("period", [1e-4, 0.01, 0.3, 5, 1e4])
+def test_the_rms_of_values_that_are_held_is_its_closed_form(period):
+    """E' = -a e - 3 n has the mean square 9 (h - (1 - exp(-a h)) / a) / (a^2 h) over time, for a rms of 1."""
+    found = analysed(FIRST, {"L1": [[-3]]}, noise={"y1": {"rms": 0.01, "period": period}}).analysis
+    a = 4.0
+    expected = 9 * (period + np.expm1(-a * period) / a) / (a**2 * period)
+    assert found["noise_error"]["x1"] == pytest.approx(0.01 * np.sqrt(expected), rel=1e-6)
+    assert found["noise_error"]["x1"] <= 0.01 * 3 / a  # what it is for a constant
+    assert found["noise_error"]["x1"] <= 0.01 * np.sqrt(9 / (2 * a) * period)  # .. and for white noise
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_the_rms_of_values_that_are_held_is_that_of_their_samples_over_a_period(known):
+    A = np.array([[0, 1, 0], [-100, -8, 500], [-10, -50, -1000.0]])
+    N, E, h, parts = np.array([[1.0, 0.2], [2e3, -3], [1e-3, 0]]), np.eye(3), 0.05, 4000
+    step = expm(np.block([[A, N], [np.zeros((2, 5))]]) * h / parts)
+    Phi, Gamma = np.eye(3), np.zeros((3, 2))
+    courses = []
+    for _ in range(parts):
+        courses.append((Phi, Gamma))
+        Phi, Gamma = step[:3, :3] @ Phi, step[:3, :3] @ Gamma + step[:3, 3:]
+    expected = []
+    for k in range(2):
+        P = solve_discrete_lyapunov(Phi, np.outer(Gamma[:, k], Gamma[:, k]))
+        expected.append(np.mean([np.diag(M @ P @ M.T) + G[:, k] ** 2 for M, G in courses], axis=0))
+    spectrum = Spectrum.of(A) if known else None
+    assert EXPONENTIALS.norms(A, N, E, spectrum, h) == pytest.approx(np.sqrt(np.transpose(expected)), rel=2e-3)
+
+
+def test_each_output_has_a_period_of_its_own():
+    system = {**FIRST, "C": [[1], [1]], "D": [[0], [0]], "B": [[1]], "outputs": ["fine", "coarse"]}
+    each = {"fine": {"rms": 0.1, "period": 2}, "coarse": {"density": 0.03}}
+    found = [
+        analysed(system, {"L1": [[-3, -1]]}, noise=noise).analysis["noise_error"]["x1"]
+        for noise in (each, {"fine": each["fine"]}, {"coarse": each["coarse"]})
+    ]
+    assert found[0] == pytest.approx(np.hypot(found[1], found[2]), rel=1e-9)
 
 
 # What is not told

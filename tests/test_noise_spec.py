@@ -213,7 +213,8 @@ def test_the_gain_of_each_channel_is_told_and_none_exceeds_gamma():
 def test_the_error_of_the_declared_noise_is_told_where_its_density_is_known():
     known, unknown = (od.solve(spec(noise=noise)) for noise in (HELD, {"y": "0.01"}))
     density = known.analysis["noise_density"]["x1"]["y"]
-    assert known.analysis["noise_error"]["x1"] == pytest.approx(density * 0.01 * np.sqrt(0.002))
+    assert known.analysis["noise_error"]["x1"] == pytest.approx(density * 0.01 * np.sqrt(0.002), rel=1e-3)
+    assert known.analysis["noise_error"]["x1"] < density * 0.01 * np.sqrt(0.002)  # the error is not that slow
     assert unknown.analysis["noise_error"] is None
     assert "noise error" in dict(known.table())
 

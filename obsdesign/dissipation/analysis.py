@@ -199,16 +199,16 @@ class Errors:
         found = np.max([self.modes.amplitudes(A, N, modes) for (A, _, N), modes in known], axis=0).tolist()
         return dict(zip(self.plant.states, found, strict=False))
 
-    def noise_norms(self, E: Array) -> Array | None:
+    def noise_norms(self, E: Array, held: float | None = None) -> Array | None:
         """H2 norm from each n to each row of E e, (k, n) to (k, ny); None where a pole is not stable or no slope bound.
 
         That is the rms of the error for white noise n whose two-sided density is 1 unit/sqrt(Hz), or in samples for a
-        rms of 1 in each; of each pair the largest over the members.
+        rms of 1 in each; of each pair the largest over the members. `held`: as of `Modes.norms`.
         """
         if not self.bounded or not self.modes.stable(self.poles):
             return None
         known = zip(self.systems, self.spectra, strict=True)
-        return np.asarray(np.max([self.modes.norms(A, N, E, modes) for (A, _, N), modes in known], axis=0))
+        return np.asarray(np.max([self.modes.norms(A, N, E, modes, held) for (A, _, N), modes in known], axis=0))
 
     def energy_gain(self) -> float | None:
         """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""

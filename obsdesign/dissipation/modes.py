@@ -67,19 +67,24 @@ class Modes(ABC):
     def overlap(self, poles: Array) -> Array:
         """Integral over time, or the sum, of each mode times the conjugate of each, (n, n)."""
 
-    def norms(self, A: Array, N: Array, E: Array, known: Spectrum | None = None) -> Array:
+    def norms(self, A: Array, N: Array, E: Array, known: Spectrum | None = None, held: float | None = None) -> Array:
         """H2 norm from each n to each row of E e: rms for white noise of density 1, or in samples of rms 1.
 
         A (n, n) is stable; N (n, m), E (k, n); returns (k, m). In balanced coordinates, where a Lyapunov equation keeps
-        its digits although the units of the states differ by orders. `known`: the modes of A, of which it is a sum.
+        its digits although the units of the states differ by orders. `known`: the modes of A, of which it is a sum;
+        `held`: time (s) for which noise of rms 1 keeps each value, in place of white noise: the rms over time.
         """
         if known:
-            return known.residues(N, E).norms(self.overlap(known.poles))
+            overlap = self.overlap(known.poles)
+            if held is not None:
+                overlap = overlap * correlated(known.poles[:, None, None], held)[..., 0]
+            return known.residues(N, E).norms(overlap)
         from scipy.linalg import matrix_balance
 
         balanced, (units, _) = matrix_balance(A, permute=False, separate=True)
         E, N = E * units, N / units[:, None]
-        found = [np.sum((E @ self.covariance(balanced, np.outer(n, n))) * E, axis=1) for n in N.T]
+        left = E if held is None else E @ correlated(balanced, held)
+        found = [np.sum((left @ self.covariance(balanced, np.outer(n, n))) * E, axis=1) for n in N.T]
         return np.asarray(np.sqrt(np.maximum(found, 0)).T)
 
     def stable(self, poles: Array) -> bool:
@@ -270,6 +275,21 @@ EXPONENTIALS, POWERS = Exponentials(), Powers()
 def modes(period: fmpq | None) -> Modes:
     """Modes of an error in samples a period apart; None: in continuous time."""
     return EXPONENTIALS if period is None else POWERS
+
+
+def correlated(A: Array, held: float) -> Array:
+    """M = 2 h phi(A h), (.., n, n), with phi(X) the integral of (1 - s) exp(X s) over s from 0 to 1.
+
+    Values that are held for h are correlated by 1 - |tau| / h over a time tau, so that the mean square of H e over time
+    is H M P H' for a rms of 1 where it is H P H' for white noise of density 1: h times that where e is slow against h.
+    """
+    from scipy.linalg import expm
+
+    n = A.shape[-1]
+    integrals = np.zeros((*A.shape[:-2], 3 * n, 3 * n), A.dtype)
+    integrals[..., :n, :n] = A * held
+    integrals[..., : 2 * n, n:] += np.eye(2 * n)
+    return np.asarray(2 * held * expm(integrals)[..., :n, 2 * n :])
 
 
 def widths(t: Array) -> Array:

@@ -1,6 +1,5 @@
 """How much measurement noise is in the errors of an observer, over frozen members f = K q; nothing of it is proved."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -23,13 +22,13 @@ def heard(spec: Spec, errors: Errors, period: float | None) -> dict[str, Any]:
     """Rms that white noise of each output makes in the error of each estimate, of the worst member.
 
     `noise_density` is for noise whose two-sided density is 1 unit/sqrt(Hz), in samples for a rms of 1; `noise_rms` for
-    a rms of 1 that is held over a period h (s), whose density is sqrt(h) where the error is slow against h; and
-    `noise_error` for the noise that the spec declares. None where a pole is not stable, slopes are not bounded, or a
-    period is not known that is needed.
+    a rms of 1 that is held over a period h (s), the rms over time; and `noise_error` for the noise that the spec
+    declares. None where a pole is not stable, slopes are not bounded, or a period is not known that is needed.
     """
     rows = estimated(spec)
-    norms = errors.noise_norms(np.array([*rows.values()], dtype=float))
-    factor = 1.0 if errors.sampled else period and math.sqrt(period)
+    E = np.array([*rows.values()], dtype=float)
+    norms = errors.noise_norms(E)
+    held = norms if errors.sampled else None if period is None else errors.noise_norms(E, period)
 
     def named(sizes: Array) -> dict[str, dict[str, float]]:
         told = (dict(zip(spec.plant.outputs, row, strict=True)) for row in sizes.tolist())
@@ -37,10 +36,10 @@ def heard(spec: Spec, errors: Errors, period: float | None) -> dict[str, Any]:
 
     found: dict[str, Any] = {
         "noise_density": None if norms is None else named(norms),
-        "noise_rms": None if norms is None or factor is None else named(factor * norms),
+        "noise_rms": None if held is None else named(held),
     }
     if spec.noise:
-        rms = None if norms is None else declared(spec, errors, norms, period)
+        rms = None if norms is None else declared(spec, errors, E, period)
         found["noise_error"] = None if rms is None else dict(zip(rows, rms, strict=True))
     return found
 
@@ -51,20 +50,23 @@ def noise_of(errors: Errors, H: Array) -> float | None:
     return None if norms is None else float(np.linalg.norm(norms))
 
 
-def declared(spec: Spec, errors: Errors, norms: Array, period: float | None) -> list[float] | None:
-    """Rms of each error, (k,), for the noise of the section `noise`: squares of independent outputs add.
+def declared(spec: Spec, errors: Errors, E: Array, period: float | None) -> list[float] | None:
+    """Rms of each error E e, (k,), for the noise of the section `noise`: squares of independent outputs add.
 
-    `norms`: (k, ny). None where a rms has no period from which its density follows.
+    None where a rms has no period for which it is held, and as in `heard`.
     """
-    sizes = np.zeros(len(spec.plant.outputs))
+    squares = np.zeros(len(E))
     for i, name in enumerate(spec.plant.outputs):
         if (level := spec.noise.get(name)) is None:
             continue
-        size = level.rms(period or 1.0) if errors.sampled else level.density_at(period)
-        if size is None:
+        held = None if errors.sampled or level.density else level.held(period)
+        if held is None and not (errors.sampled or level.density):
             return None
-        sizes[i] = size
-    return [float(rms) for rms in np.linalg.norm(norms * sizes, axis=1)]
+        if (norms := errors.noise_norms(E, held)) is None:
+            return None
+        size = level.rms(period or 1.0) if errors.sampled else float(level.number)
+        squares += (size * norms[:, i]) ** 2
+    return [float(rms) for rms in np.sqrt(squares)]
 
 
 def estimated(spec: Spec) -> dict[str, Array]:

@@ -80,17 +80,20 @@ class ResultFile:
             if depth > DEEPEST:
                 said = f"holds lists or objects more than {DEEPEST} deep; a result holds what `solve` writes"
                 raise self.wrong(".".join(path.split(".")[:2]), said, id="OBS702")
-            if isinstance(value, str) and path != "spec.text" and (found := NOT_ONE_LINE.search(value)):
+            entries = value if isinstance(value, list) else (value,)
+            texts = "".join(entry for entry in entries if isinstance(entry, str)) if path != "spec.text" else ""
+            if found := NOT_ONE_LINE.search(texts):
                 raise self.wrong(
                     path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line", id="OBS702"
                 )
             keys = value if isinstance(value, dict) else ()
-            if found := next(filter(None, map(NOT_ONE_LINE.search, keys)), None):
+            if found := NOT_ONE_LINE.search("".join(keys)):
                 raise self.wrong(
                     path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line", id="OBS702"
                 )
             parts += [(f"{path}.{key}".removeprefix("."), value[key], depth + 1) for key in keys]
-            parts += [(path, part, depth + 1) for part in value] if isinstance(value, list) else []
+            inner = value if isinstance(value, list) else ()
+            parts += [(path, part, depth + 1) for part in inner if isinstance(part, dict | list)]
 
     def plain(self) -> dict[str, Any]:
         """JSON with numbers as doubles and integers, as it is written and nothing more."""

@@ -15,6 +15,7 @@ from obsdesign.tables.text import matrix_text
 
 ROUNDING = 1e-12  # relative
 QUIET = "bound the slope of f, or leave noise out of y (D = 0)"
+BOUND = "bound the slope of f: C Bf = 0, so no L2 changes (Cq + L2 C) Bf"
 
 
 def steep_blocks(family: Incremental, *, wider: bool = False) -> list[tuple[int, Scaled, slice, slice]]:
@@ -79,23 +80,22 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
         given = quiet if forced or family.L2 is None else family.L2[rows]
         if family.L2 is None and not forced:
             continue
-        must = f"{steep}, so P Bf + lambda (Cq + L2 C)' = 0 must hold"
+        must = f"{steep}, so the inequality needs P Bf + lambda (Cq + L2 C)' = 0 with P > 0 and lambda >= 0"
         if forced:
-            must += f", and Dq + L2 D = 0, which noise in y makes L2 = {matrix_text(given.tolist())}"
-        G = p.Cq[rows] + given @ p.C
+            must += f", and Dq + L2 D = 0, where the noise in y leaves only L2 = {matrix_text(given.tolist())}"
+        G, hidden = p.Cq[rows] + given @ p.C, not (p.C @ Bf).any()
         largest = extreme(block.M12.T @ G @ Bf)
         if largest >= 0:
             return {
                 "id": "OBS605",
                 "condition": "passivity",
-                "reason": f"{must} with P > 0 and lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here that is "
-                + shown(largest, Bf),
+                "reason": f"{must}; that needs (Cq + L2 C) Bf < 0, and here that is {shown(largest, Bf)}",
                 "value": largest,
                 "feasible": {},
-                "suggestion": QUIET if forced else "(Cq + L2 C) Bf < 0 is necessary",
+                "suggestion": BOUND if hidden else QUIET if forced else "(Cq + L2 C) Bf < 0 is necessary",
             }
         smallest = -extreme(-block.M12.T @ G @ (p.A @ Bf + alpha * Bf))
-        if may_rest(family) and not (p.C @ Bf).any() and smallest < 0:
+        if may_rest(family) and hidden and smallest < 0:
             found = slow_injection(must, family, block, rows, columns, smallest)
             return {**found, "feasible": {}, "suggestion": QUIET} if forced else found
         if family.L2 is not None and not vanishes(p.Dq[rows], family.L2[rows] @ p.D):

@@ -89,7 +89,7 @@ class Periodic(Errors):
         largest = np.max([POWERS.amplitudes(*step) for step in steps], axis=0).tolist()
         return dict(zip(self.plant.states, largest, strict=False)) if all(stable(Phi) for Phi, _ in steps) else {}
 
-    def noise_norms(self, E: Array) -> Array | None:
+    def noise_norms(self, E: Array, held: float | None = None) -> Array | None:  # noqa: ARG002 - one value each
         """H2 norm of samples from eta to E e at the measurements; None where a step is unstable or no slope bound."""
         steps = self.steps
         if not self.bounded or not all(stable(Phi) for Phi, _ in steps):

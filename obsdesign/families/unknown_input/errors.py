@@ -47,9 +47,9 @@ class Shifted(Errors):
 
         return np.asarray(np.maximum(largest(sizes, self.modes.frequencies(A)), np.linalg.norm(self.E, axis=1)))
 
-    def noise_norms(self, E: Array) -> Array | None:
+    def noise_norms(self, E: Array, held: float | None = None) -> Array | None:
         """H2 norm from each n to each row; None as in `Errors`, and where white noise of continuous time is in one."""
-        found, through = super().noise_norms(E), E @ self.E
+        found, through = super().noise_norms(E, held), E @ self.E
         if found is None or not through.any():
             return found
         return np.hypot(found, through) if self.sampled else None
