@@ -5,6 +5,8 @@ import json
 import pytest
 from support.commands import run
 
+import obsdesign as od
+
 BATTERY = """\
 obsdesign: 1
 system: {{A: [[0, 0], [0, -5/3]], B: [[1/4680, 0], [1/20, 0]], C: [0, 1], D: [0, 0.01]}}
@@ -94,3 +96,21 @@ def test_what_v_does_at_once_to_the_argument_of_a_steep_f_is_named(tmp_path):
     code, _, content = solved(tmp_path, spec)
     assert code == 3
     assert "no L2 makes it so: v reaches its argument at once" in content["diagnosis"]["reason"]
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_no_injection_is_advised_where_none_can_change_what_a_steep_f_needs(noise):
+    """Of a chain f acts between states that y does not show at once: C Bf = 0."""
+    spec = od.Spec(
+        system={
+            "A": [[0, 1, 0, 0], [-2, -0.1, 1, 0], [0, 0, 0, 1], [1, 0, -1, -0.1]],
+            "B": [[0, 0], [0, 0], [0, 0], [1, 0]],
+            "C": [[1, 0, 0, 0]],
+            **({"D": [[0, 0.01]]} if noise else {}),
+        },
+        nonlinearities=[{"type": {"slope": [0, float("inf")]}, "f": "q**3", "Bf": [0, 1, 0, -1], "Cq": [-1, 0, 1, 0]}],
+        observer={"type": "l2", "L2": "free", "alpha": 0.01},
+    )
+    found = od.solve(spec).diagnosis
+    assert found["suggestion"].startswith("bound the slope of f")
+    assert "(D = 0)" not in found["suggestion"]

@@ -1,6 +1,7 @@
 """Frozen members of a class that hide a mode: no observer exists, and that is proved, in every family."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,16 @@ def test_members_of_every_kind_of_class_are_found_and_proved(plant):
         row, column = row + block.nf, column + block.nq
     seen = undetectable(spec.augmented.doubles, K, Edge(0.0))
     assert any(abs(m.eigenvalue - complex(real, imaginary)) < 1e-6 for m in seen)
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+def test_units_of_the_states_do_not_decide_whether_a_member_is_found(plant):
+    spec = loads(spec_of(*plant[:-1]))
+    p, units = spec.augmented, np.array([fmpq(10) ** k for k in (9, -6, 2)[: spec.augmented.n]], dtype=object)
+    A, B, Bf = (units[:, None] * X for X in (p.A / units, p.B, p.Bf))
+    scaled = replace(p, A=A, B=B, Bf=Bf, C=p.C / units, Cq=p.Cq / units)
+    for posed in (p, scaled):
+        assert hidden(posed, spec.multiplier, Edge(fmpq(1, 20))) is not None
 
 
 def test_what_the_class_does_not_contain_proves_nothing():

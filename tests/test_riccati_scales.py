@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -229,3 +230,35 @@ def test_the_least_mu_of_scales_is_the_same_in_any_states():
     R = np.linalg.qr(np.random.default_rng(3).normal(size=(form.n,) * 2)).Q * 10.0 ** np.linspace(-2, 2, form.n)
     (one, _), (other, _) = least_scaled(form), least_scaled(form.moved(R))
     assert other.mu == pytest.approx(one.mu, rel=3e-5)
+
+
+def test_a_rod_with_a_heat_where_a_source_is_has_its_limit():
+    """Gamma hardly depends on the scale of the other source, which grows and grows: the level method stays in place."""
+    names = [f"T{i}" for i in range(1, 41)]
+    flows = {name: [f"-0.002*{name}"] for name in names}
+    for one, other in pairwise(names):
+        flows[one].append(f"0.6208*({other} - {one})")
+        flows[other].append(f"0.6208*({one} - {other})")
+    flows["T10"].append("heat0")
+    flows["T15"].append("0.05*tanh(0.1*T15)")
+    flows["T30"].append("heat1 - 0.02*atan(0.2*T30)")
+    spec = od.Spec(
+        system={
+            "disturbances": ["heat0", "heat1"],
+            "dynamics": {name: " + ".join(terms) for name, terms in flows.items()},
+            "outputs": {"a": "T5", "b": "T20", "c": "T35"},
+        },
+        noise={name: {"rms": 0.05, "period": 1} for name in "abc"},
+        disturbance="integrator",
+        performance="w",
+        observer={"type": "l2", "alpha": 5e-4},
+    )
+    family = gain.searchable(posed(spec))
+    found = least_gamma(Engine(), family)
+    assert found is not None
+    assert found.gap < 3e-5
+    below = found.objective * (1 - 2 * found.gap - 1e-4)
+    form = form_of(family)
+    for factors in np.random.default_rng(0).lognormal(0, 2, (20, 2)):
+        scales = np.array([value.item() for value in found.values.values()]) * factors
+        assert least(form.scaled(scales)).mu > below

@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb, ctx, fmpq_mat, fmpq_poly
 
 from obsdesign.lmi.farkas import null_space
-from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, in_floats, product, rational, zeros
+from obsdesign.lmi.formula import Array, Exact, Float, block_diagonal, identity, in_floats, product, rational, zeros
 from obsdesign.model.edge import Edge, polynomial
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.pencil import System
@@ -171,9 +171,10 @@ def candidates(
 ) -> Iterator[Slopes]:
     """Members K, in rationals, for which a direction of the free f keeps y = 0 with a lambda of a grid."""
     n, free = plant.n, [i for i, K in enumerate(slopes) if K is None]
-    low, high = float(edge.end) * (1 - 1e-6), float(np.abs(in_floats(plant.A)).max(initial=0.0) * plant.n + 1)
-    if not np.isfinite(high - low):  # beyond doubles
+    A: Float = np.asarray(in_floats(plant.A))
+    if not np.isfinite(A).all() or not A.size:  # beyond doubles
         return
+    low, high = float(edge.end) * (1 - 1e-6), float(np.abs(balanced(A)).max() * plant.n + 1)
     for value in (rational([[repr(x)]]).item() for x in np.linspace(low, max(high, low + 1), RATES).tolist()):
         pencil = np.block([[system.A - value * identity(n, plant.A), system.B], [system.C, system.D]])
         Z = null_space(pencil).T
@@ -188,6 +189,13 @@ def candidates(
         if all(K is not None for K in chosen):
             named = dict(zip(free, chosen, strict=True))
             yield tuple(named.get(i, K) for i, K in enumerate(slopes))
+
+
+def balanced(A: Float) -> Float:
+    """A in units of the states in which its entries are of like sizes."""
+    from scipy.linalg import matrix_balance
+
+    return np.asarray(matrix_balance(A, permute=False)[0])
 
 
 def widest(forms: Sequence[Array], X: Array) -> Array | None:

@@ -191,10 +191,8 @@ def long_known(family: Incremental) -> bool:
 
 
 def ruled_out(spec: Spec, family: Incremental) -> bool:
-    """Whether no gain of a large plant is possible without a solver's word, which takes long; a family in doubles."""
-    if undetectable(family.plant, family.multiplier.member, family.edge):
-        return True
-    return family.plant.n >= LARGE and structural(spec, family) is not None
+    """Whether no gain is possible, without a solver's word, which takes long of large plants; a family in doubles."""
+    return bool(undetectable(family.plant, family.multiplier.member, family.edge)) or bool(structural(spec, family))
 
 
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:

@@ -26,6 +26,10 @@ from obsdesign.records import dataclass
 
 EASY = 2.0  # times the least gamma of a large plant, where gamma is not the objective
 UNKNOWN = "the limit is not known, and may be far below the least gamma that is proved so"
+SMALL = (
+    "the least gamma is 0 but for rounding; that of the gains is a small share of the gamma of the widest margin, and "
+    "`objective: {gamma: ..}` or `bounds` ask for another"
+)
 UNPROVED = "gains near the limit that was found fail in rationals"
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
@@ -126,6 +130,8 @@ class Limits:
             least = max(least, Level(easy), key=lambda level: level.gamma)
         if least.attained:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
+        elif least.instead:
+            self.notes.append(SMALL)
         return least.target(float(self.request.slack))
 
     def proved(self, family: Incremental, why: str) -> tuple[Certificate, dict[str, Any]] | None:

@@ -66,7 +66,8 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
     - where C Bf = 0, the error e = Bf d is not corrected by any L1, and e' P (A + alpha I) e <= 0 there needs
       M12' G (A + alpha I) Bf >= 0.
 
-    Bf must have full column rank, and M12 an inverse; nothing is said otherwise, nor where L2 is free and not forced.
+    Bf must have full column rank, and M12 an inverse; nothing is said otherwise, nor where L2 is free, not forced, and
+    has an effect.
     """
     p, alpha = family.plant, float(family.rate)
     for i, block, rows, columns in stiff_blocks(family):
@@ -77,13 +78,14 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
         quiet, forced = silent_injection(p, rows)
         if quiet is None:
             return noisy(f"{steep}, so Dq + L2 D = 0 must hold, and no L2 makes it so: v reaches its argument at once")
+        fixed, hidden = forced or family.L2 is not None, not (p.C @ Bf).any()
         given = quiet if forced or family.L2 is None else family.L2[rows]
-        if family.L2 is None and not forced:
+        if not fixed and not hidden:
             continue
         must = f"{steep}, so the inequality needs P Bf + lambda (Cq + L2 C)' = 0 with P > 0 and lambda >= 0"
         if forced:
             must += f", and Dq + L2 D = 0, where the noise in y leaves only L2 = {matrix_text(given.tolist())}"
-        G, hidden = p.Cq[rows] + given @ p.C, not (p.C @ Bf).any()
+        G = p.Cq[rows] + given @ p.C
         largest = extreme(block.M12.T @ G @ Bf)
         if largest >= 0:
             return {
@@ -95,7 +97,7 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
                 "suggestion": BOUND if hidden else QUIET if forced else "(Cq + L2 C) Bf < 0 is necessary",
             }
         smallest = -extreme(-block.M12.T @ G @ (p.A @ Bf + alpha * Bf))
-        if may_rest(family) and hidden and smallest < 0:
+        if fixed and hidden and may_rest(family) and smallest < 0:
             found = slow_injection(must, family, block, rows, columns, smallest)
             return {**found, "feasible": {}, "suggestion": QUIET} if forced else found
         if family.L2 is not None and not vanishes(p.Dq[rows], family.L2[rows] @ p.D):
