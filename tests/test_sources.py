@@ -218,7 +218,7 @@ def test_a_run_of_given_gains_changes_its_trial_only():
         ("observer.alfa=1", ["--set observer.alfa=1: observer.alfa: ", "alpha"]),
         ("observer.alpha=fast", ["--set observer.alpha=fast: observer.alpha: "]),
         ("observer.alpha", ["expected KEY=VALUE"]),
-        ("observer.alpha.min=1", ["needs a mapping where the spec has 0.1"]),
+        ("observer.alpha.min=1", ["needs a mapping where the spec has 0.1", ": --set 'observer.alpha={min: 1}'"]),
         ("system.A[7][0]=1", ["needs a list of more entries where the spec has a list"]),
         ("observer.bounds={L1:", ["the value is not YAML"]),
         ("observer.alpha=", ["the value is empty"]),

@@ -81,6 +81,14 @@ def of_origin(node: Node, origin: str) -> Node:
     return node._replace(value=value, line=0, column=0, origin=origin)
 
 
+def whole(change: str, left: int) -> str:
+    """Change that sets the whole value of which the last so many keys of another change are parts."""
+    loc, _, value = parted(change)
+    for name in reversed(loc[-left:]):
+        value = f"{{{name}: {value.strip()}}}"
+    return f"--set '{dotted(loc[:-left])}={value}'"
+
+
 def put(node: Node, loc: Loc, new: Node, change: str) -> Node:
     """Tree with another node at a place; sections on the way that are not there yet are made."""
     if not loc:
@@ -95,4 +103,6 @@ def put(node: Node, loc: Loc, new: Node, change: str) -> Node:
         return node._replace(value=entries)
     kind = "a list of more entries" if isinstance(name, int) else "a mapping"
     said = f"{dotted((name,))} needs {kind} where the spec has {described(node.value)}; set the whole value instead"
+    if isinstance(name, str):
+        said += f": {whole(change, len(loc))}"
     raise UsageError(Problem(said, f"{OPTION} {described(change)}", id="OBS110"))
