@@ -20,10 +20,12 @@ from obsdesign.lmi.formula import Array, Unknown, Values, approximate, in_floats
 from obsdesign.lmi.proof import Formula
 from obsdesign.model.pencil import System, invariant_zeros, text
 from obsdesign.model.structure import accuracy, undetectable
+from obsdesign.records import replace
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least
 
 TIGHTER, MEASURED = "a tighter type of the nonlinearity or another measurement", "another measurement"
+LOWER = 1 - 1e-6  # share of a rate at which what has no solution has none beyond rounding
 LARGE = 16  # order from which nothing is searched that would do instead
 CLOSE = 1e-3  # relative, from the edge of what is feasible to what is suggested
 
@@ -191,8 +193,16 @@ def long_known(family: Incremental) -> bool:
 
 
 def ruled_out(spec: Spec, family: Incremental) -> bool:
-    """Whether no gain is possible, without a solver's word, which takes long of large plants; a family in doubles."""
-    return bool(undetectable(family.plant, family.multiplier.member, family.edge)) or bool(structural(spec, family))
+    """Whether no gain is possible, without a solver's word, which takes long of large plants; a family in doubles.
+
+    Of a small plant it is so at a slightly lower rate too: at the edge, which doubles do not tell, a solver decides.
+    """
+    if undetectable(family.plant, family.multiplier.member, family.edge):
+        return True
+    if family.plant.n >= LARGE:
+        return structural(spec, family) is not None
+    lower = replace(family, rate=printed(float(family.rate) * LOWER))
+    return not family.about.pace.sampled and structural(spec, lower) is not None
 
 
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
